@@ -1,0 +1,1 @@
+"""The particle filter and what it knows of movement and radio."""

@@ -1,0 +1,1 @@
+"""A deployable access point: hears radios, tells who is near."""

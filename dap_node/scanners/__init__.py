@@ -1,0 +1,1 @@
+"""Where signal strengths come from."""

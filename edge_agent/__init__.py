@@ -1,0 +1,1 @@
+"""Worn by a responder: reads the boot IMU, tells movement."""

@@ -1,0 +1,1 @@
+"""Stance, strapdown and heading: the mathematics of a moving boot."""

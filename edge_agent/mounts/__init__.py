@@ -1,0 +1,1 @@
+"""How the sensor is worn: samples in, odometry increments out."""

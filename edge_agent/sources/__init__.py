@@ -1,0 +1,1 @@
+"""Where inertial samples come from."""

@@ -1,0 +1,1 @@
+"""What the three programs share: the wire, the bus, time, mathematics and the simulator."""

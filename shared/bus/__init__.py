@@ -1,0 +1,1 @@
+"""How messages travel: one interface, in memory for tests and rehearsals, Zenoh in the field."""

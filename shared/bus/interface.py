@@ -1,0 +1,56 @@
+"""What a program may ask of the network. Handlers run on the bus's thread: only enqueue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import TracebackType
+from typing import NamedTuple, Protocol, Self, TypeAlias
+
+from shared.topics import Priority
+
+
+class Received(NamedTuple):
+    """Bytes as they were heard, under the key they came with."""
+
+    key: str
+    payload: bytes
+
+
+Handler: TypeAlias = Callable[[Received], None]
+AliveHandler: TypeAlias = Callable[[str, bool], None]
+
+
+class Bus(Protocol):
+    """A connection to the others. Leaving its ``with`` block closes it and all it declared."""
+
+    def publish(self, key: str, payload: bytes, priority: Priority = "data") -> None:
+        """Send ``payload`` live; it is dropped where the link cannot take it."""
+
+    def subscribe(self, key_expression: str, handler: Handler) -> None:
+        """Call ``handler`` with everything that is published under ``key_expression``."""
+
+    def answer(self, key: str, answerer: Callable[[], bytes | None]) -> None:
+        """Answer queries for ``key`` with what ``answerer`` returns; ``None`` is no answer."""
+
+    def query(self, key_expression: str, timeout_s: float) -> list[Received]:
+        """Ask everyone who answers under ``key_expression``; return what came in time."""
+
+    def declare_alive(self, key: str) -> None:
+        """Hold a liveliness token under ``key`` until closed."""
+
+    def watch_alive(self, key_expression: str, handler: AliveHandler) -> None:
+        """Call ``handler(key, alive)`` for tokens held now, and as they come and go."""
+
+    def close(self) -> None:
+        """Undeclare everything and close. Closing twice is harmless."""
+
+    def __enter__(self) -> Self:
+        """Return the open bus."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close."""

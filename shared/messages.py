@@ -1,0 +1,186 @@
+"""The vocabulary: every message that crosses the wire, and the one sample that never does.
+
+Each wire message is a frozen struct that travels as a MessagePack map. Units stand in the field
+names; positions are metres north, east and down of the incident's origin, headings are radians
+clockwise from north. Every number carries its bounds in its type, so that NaN, infinities and
+absurd values are refused where bytes become messages. Fields may be added with a default; a
+receiver passes over fields it does not know. Anything else needs a new version of the key.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+NodeId: TypeAlias = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+"""Names a responder, a DAP, a post or an incident; also a chunk of a key."""
+
+TimeNs: TypeAlias = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+"""Nanoseconds since 1970-01-01 UTC on the clock of the node that says so."""
+
+Sequence: TypeAlias = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+Coordinate: TypeAlias = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Displacement: TypeAlias = Annotated[float, Meta(ge=-100.0, le=100.0)]
+StandardDeviation: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e6)]
+Angle: TypeAlias = Annotated[float, Meta(ge=-1e4, le=1e4)]
+Covariance: TypeAlias = Annotated[float, Meta(ge=-1e12, le=1e12)]
+PowerDbm: TypeAlias = Annotated[float, Meta(ge=-200.0, le=100.0)]
+SensorReading: TypeAlias = Annotated[float, Meta(ge=-1e5, le=1e5)]
+
+Vector3: TypeAlias = tuple[float, float, float]
+
+Mount: TypeAlias = Literal["boot"]
+
+
+class ImuSample(msgspec.Struct, frozen=True, gc=False):
+    """One reading of an inertial sensor, as a source hands it to a mount. Not a wire message.
+
+    ``force_m_s2`` is specific force (a sensor at rest reads +g upwards), ``rate_rad_s`` angular
+    rate, ``field_ut`` the magnetic field where there is a magnetometer; all in the sensor's own
+    right-handed frame. ``time_ns`` is the source's clock.
+    """
+
+    time_ns: int
+    force_m_s2: Vector3
+    rate_rad_s: Vector3
+    field_ut: Vector3 | None = None
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """What every wire message says: when it happened, and its number under its key.
+
+    ``event_time_ns`` is when the thing told happened, on the sender's clock. ``sequence`` counts
+    the messages of one key from 0, so that a gap or a repeat can be seen.
+    """
+
+    event_time_ns: TimeNs
+    sequence: Sequence
+
+
+class LocalPosition(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """A place in the incident's frame, with its horizontal covariance (nn, ne, ee) in m²."""
+
+    north_m: Coordinate
+    east_m: Coordinate
+    down_m: Coordinate
+    covariance_m2: tuple[Covariance, Covariance, Covariance]
+
+
+class TrackStart(Message, frozen=True, kw_only=True):
+    """A responder goes in: where they stand now, and how well their heading is known."""
+
+    position: LocalPosition
+    heading_sd_rad: StandardDeviation
+    mount: Mount
+    method: NodeId
+
+
+class OdometryIncrement(Message, frozen=True, kw_only=True):
+    """Movement since the last increment, in the agent's own north-east-down frame.
+
+    A boot gives one a stride. The agent's north is off from the incident's by a heading offset
+    that the fusion finds. ``event_time_ns`` ends the movement, ``start_time_ns`` begins it;
+    ``heading_rad`` is the agent's heading at its end. ``covariance`` is the upper triangle, row
+    by row, of that of (d_north, d_east, d_down, d_heading): m², m·rad, rad².
+    """
+
+    start_time_ns: TimeNs
+    d_north_m: Displacement
+    d_east_m: Displacement
+    d_down_m: Displacement
+    d_heading_rad: Angle
+    heading_rad: Angle
+    covariance: tuple[
+        Covariance, Covariance, Covariance, Covariance, Covariance,
+        Covariance, Covariance, Covariance, Covariance, Covariance,
+    ]  # fmt: skip
+    mount: Mount
+
+
+class ImuBatch(Message, frozen=True, kw_only=True):
+    """Raw inertial samples, for the record: exactly what the mount was given, ``n`` rows.
+
+    ``force_m_s2``, ``rate_rad_s`` and ``field_ut`` are flat, x, y, z of the first sample first
+    (3·n numbers); ``field_ut`` is empty without a magnetometer. ``event_time_ns`` is the last
+    sample's.
+    """
+
+    time_ns: tuple[TimeNs, ...]
+    force_m_s2: tuple[SensorReading, ...]
+    rate_rad_s: tuple[SensorReading, ...]
+    field_ut: tuple[SensorReading, ...]
+
+
+class RssiReport(Message, frozen=True, kw_only=True):
+    """One reading of a responder's signal strength at a DAP."""
+
+    responder_id: NodeId
+    rssi_dbm: PowerDbm
+
+
+class ProximityEvent(Message, frozen=True, kw_only=True):
+    """A responder is near a DAP, or has just ceased to be.
+
+    ``entered`` and ``left`` bound a stay; ``near`` repeats while it lasts. Mean and variance are
+    of the RSSI over the DAP's window, ``sample_count`` the samples in it.
+    """
+
+    responder_id: NodeId
+    phase: Literal["entered", "near", "left"]
+    rssi_mean_dbm: PowerDbm
+    rssi_variance_db2: StandardDeviation
+    sample_count: Annotated[int, Meta(ge=0, le=100_000)]
+
+
+class DapInstallation(Message, frozen=True, kw_only=True):
+    """A DAP was set down: when, by whom, and where once that is known.
+
+    Without ``position`` it stands where its installer stood at ``event_time_ns``; the command
+    post works that out and tells the DAP, which says it again with the position. A DAP placed at
+    a known point (the entrance) has a position from the first and may have no installer.
+    """
+
+    installer_id: NodeId | None
+    position: LocalPosition | None
+
+
+class TrackEstimate(Message, frozen=True, kw_only=True):
+    """Where the command post holds a responder to be at ``event_time_ns``.
+
+    ``covariance_m2`` is horizontal (nn, ne, ee). ``heading_rad`` is the heading in the incident's
+    frame. ``last_proximity_time_ns`` is when a DAP last tied the track down, if one has.
+    """
+
+    responder_id: NodeId
+    north_m: Coordinate
+    east_m: Coordinate
+    down_m: Coordinate
+    covariance_m2: tuple[Covariance, Covariance, Covariance]
+    heading_rad: Angle
+    heading_sd_rad: StandardDeviation
+    last_proximity_time_ns: TimeNs | None
+
+
+class DapEstimate(Message, frozen=True, kw_only=True):
+    """Where the command post holds a DAP to stand, since its installation at ``event_time_ns``."""
+
+    dap_id: NodeId
+    position: LocalPosition
+
+
+class ExerciseStart(Message, frozen=True, kw_only=True):
+    """A simulated exercise begins: its clock reads ``event_time_ns`` now and runs at ``speed``."""
+
+    scenario: Annotated[str, Meta(min_length=1, max_length=200)]
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)]
+    speed: Annotated[float, Meta(gt=0.0, le=1e4)]
+
+
+class Truth(Message, frozen=True, kw_only=True):
+    """Where a simulated responder or DAP really is. Recorded for the score, never fused."""
+
+    north_m: Coordinate
+    east_m: Coordinate
+    down_m: Coordinate

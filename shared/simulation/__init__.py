@@ -1,0 +1,1 @@
+"""Building, walkers, boots and radio: what the real world does, seeded."""

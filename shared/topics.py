@@ -1,0 +1,93 @@
+"""The one table of topics, and the keys they live under.
+
+A key is ``clew/v1/{incident}/{role}/{id}/{topic}``: whose message it is can be read off the key,
+and one node writes under its own keys only.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Literal, NamedTuple, TypeAlias, get_args
+
+from shared.messages import (
+    DapEstimate,
+    DapInstallation,
+    ExerciseStart,
+    ImuBatch,
+    Message,
+    OdometryIncrement,
+    ProximityEvent,
+    RssiReport,
+    TrackEstimate,
+    TrackStart,
+    Truth,
+)
+
+WIRE_VERSION = "v1"
+
+Role: TypeAlias = Literal["responder", "dap", "post"]
+ROLES: tuple[Role, ...] = get_args(Role)
+
+Priority: TypeAlias = Literal["high", "data", "low"]
+
+
+class Topic(NamedTuple):
+    """One row: what is sent, by whom, how often, how urgently, and whether it is recorded.
+
+    ``rate_hz`` is the rate to expect of one node, 0 for what happens rarely.
+    """
+
+    name: str
+    message: type[Message]
+    roles: tuple[Role, ...]
+    rate_hz: float
+    priority: Priority
+    recorded: bool
+
+
+TOPICS: dict[str, Topic] = {
+    topic.name: topic
+    for topic in (
+        Topic("start", TrackStart, ("responder",), 0.0, "high", True),
+        Topic("increment", OdometryIncrement, ("responder",), 1.0, "high", True),
+        Topic("imu", ImuBatch, ("responder",), 4.0, "low", True),
+        Topic("rssi", RssiReport, ("dap",), 20.0, "low", True),
+        Topic("proximity", ProximityEvent, ("dap",), 1.0, "high", True),
+        Topic("installation", DapInstallation, ("dap",), 0.0, "high", True),
+        Topic("track", TrackEstimate, ("post",), 10.0, "data", True),
+        Topic("dap_place", DapEstimate, ("post",), 0.0, "data", True),
+        Topic("exercise", ExerciseStart, ("post",), 0.0, "high", True),
+        Topic("truth", Truth, ("responder", "dap"), 2.0, "low", True),
+    )
+}
+
+_ID = re.compile(r"[A-Za-z0-9_-]{1,32}")
+
+
+class Key(NamedTuple):
+    """A key taken apart. ``topic`` is one of ``TOPICS``."""
+
+    incident: str
+    role: Role
+    node_id: str
+    topic: str
+
+    def __str__(self) -> str:
+        return f"clew/{WIRE_VERSION}/{self.incident}/{self.role}/{self.node_id}/{self.topic}"
+
+
+def everything_of(incident: str) -> str:
+    """Key expression for all messages of an incident, of any version, so that none goes unseen."""
+    return f"clew/*/{incident}/**"
+
+
+def alive_key(incident: str, role: Role, node_id: str) -> str:
+    """Key of the liveliness token that a node holds while it runs."""
+    return f"clew/{WIRE_VERSION}/{incident}/{role}/{node_id}/alive"
+
+
+def check_id(value: str, what: str) -> str:
+    """Return ``value`` if it may stand in a key, else raise ``ValueError`` that says what may."""
+    if not _ID.fullmatch(value):
+        raise ValueError(f"{what} {value!r}: use 1 to 32 letters, digits, '-' or '_'")
+    return value
