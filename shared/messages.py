@@ -56,7 +56,7 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """
 
     event_time_ns: TimeNs
-    sequence: Sequence = 0
+    sequence: Sequence
 
 
 class LocalPosition(msgspec.Struct, frozen=True, kw_only=True, gc=False):
