@@ -1,0 +1,1 @@
+"""What every transport keeps, and what only a network can break."""

@@ -1,0 +1,1 @@
+"""Recordings played back give the same answers."""

@@ -1,0 +1,1 @@
+"""One function or type at a time."""
