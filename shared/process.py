@@ -1,0 +1,144 @@
+"""What the shell of every program needs: logging, stopping, waiting, exit codes."""
+
+from __future__ import annotations
+
+import _thread
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import IntEnum
+from types import FrameType
+from typing import Literal, TypeAlias
+
+import structlog
+
+from shared.clock import Clock
+
+LogLevel: TypeAlias = Literal["debug", "info", "warning", "error"]
+
+IMPATIENCE_S = 0.5
+"""A signal that follows another within this is the same one, sent to process and group."""
+
+LONGEST_WAIT_S = 0.5
+"""So that a clock that is set meanwhile is noticed, and Ctrl-C where a wait cannot be broken."""
+
+
+class ExitCode(IntEnum):
+    """What a program's exit says."""
+
+    OK = 0
+    """Done, or stopped when asked to."""
+
+    FAILURE = 1
+    """What was asked for could not be done; the log says why."""
+
+    USAGE = 2
+    """The command line or a settings file is wrong: nothing was begun."""
+
+    FORCED = 130
+    """A second signal ended the program before it had closed everything."""
+
+
+def configure_logging(level: LogLevel = "info", *, json: bool = False) -> None:
+    """Send all logs, structlog's and the standard library's, to standard error.
+
+    On a terminal for people to read, else one ``key=value`` line each, or one JSON object with
+    ``json``. Standard output stays free for results.
+    """
+    annotate: list[structlog.typing.Processor] = [
+        structlog.contextvars.merge_contextvars,
+        structlog.stdlib.add_log_level,
+        structlog.stdlib.add_logger_name,
+        structlog.stdlib.ExtraAdder(),
+        structlog.processors.TimeStamper(fmt="iso", utc=True),
+    ]
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(
+        structlog.stdlib.ProcessorFormatter(
+            foreign_pre_chain=annotate,
+            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *_render(json)],
+        )
+    )
+    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+    logging.captureWarnings(capture=True)
+    structlog.configure(
+        processors=[
+            structlog.stdlib.filter_by_level,
+            *annotate,
+            structlog.stdlib.PositionalArgumentsFormatter(),
+            structlog.stdlib.ProcessorFormatter.wrap_for_formatter,
+        ],
+        logger_factory=structlog.stdlib.LoggerFactory(),
+        wrapper_class=structlog.stdlib.BoundLogger,
+    )
+
+
+def _render(json: bool) -> list[structlog.typing.Processor]:
+    if json:
+        return [structlog.processors.format_exc_info, structlog.processors.JSONRenderer()]
+    if sys.stderr.isatty():
+        return [structlog.dev.ConsoleRenderer(colors="NO_COLOR" not in os.environ)]
+    first = ["timestamp", "level", "logger", "event"]
+    return [
+        structlog.processors.format_exc_info,
+        structlog.processors.LogfmtRenderer(key_order=first, bool_as_flag=False),
+    ]
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """Give an event that is set by SIGINT or SIGTERM; whoever is impatient signals again.
+
+    A second signal ends the program on the spot with ``ExitCode.FORCED``. To be entered in the
+    main thread (else ``ValueError``); the former handlers return at the end of the block.
+    """
+    stop = threading.Event()
+    asked_s: float | None = None
+
+    def ask(_number: int, _frame: FrameType | None) -> None:
+        nonlocal asked_s
+        if asked_s is None:
+            asked_s = time.monotonic()
+            # The main thread may be inside this very event, holding its lock.
+            _thread.start_new_thread(stop.set, ())
+        elif time.monotonic() - asked_s > IMPATIENCE_S:
+            os._exit(ExitCode.FORCED)
+
+    former = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
+
+
+def stop_with_parent(stop: threading.Event, pipe: int = 0) -> None:
+    """Set ``stop`` once the other end of ``pipe`` (standard input) is closed.
+
+    A launcher that starts a child with a pipe on its standard input, and holds the other end, so
+    takes the child along even when it is killed itself. Call this in such children only: with
+    standard input from a file or from /dev/null the end comes at once.
+    """
+
+    def wait_for_the_end() -> None:
+        # os.read, for a thread blocked inside sys.stdin would hold its lock at exit.
+        while os.read(pipe, 4096):
+            pass
+        stop.set()
+
+    threading.Thread(target=wait_for_the_end, name="stop-with-parent", daemon=True).start()
+
+
+def wait_until(clock: Clock, time_ns: int, stop: threading.Event) -> bool:
+    """Wait until ``clock`` reads ``time_ns``; return whether it does, ``False`` on ``stop``."""
+    while not stop.is_set():
+        remaining_s = clock.real_seconds_until(time_ns)
+        if remaining_s <= 0.0:
+            return True
+        stop.wait(min(remaining_s, LONGEST_WAIT_S))
+    return False

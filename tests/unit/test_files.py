@@ -1,0 +1,50 @@
+"""Files are replaced whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from shared.files import replace_atomically
+
+
+def test_the_old_file_stands_until_the_block_ends(tmp_path: Path) -> None:
+    path = tmp_path / "track.json"
+    path.write_bytes(b"old")
+    with replace_atomically(path) as file:
+        file.write(b"new")
+        file.flush()
+        assert path.read_bytes() == b"old"
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("fault", [RuntimeError, KeyboardInterrupt])
+def test_an_error_leaves_all_as_it_was(tmp_path: Path, fault: type[BaseException]) -> None:
+    path = tmp_path / "track.json"
+    path.write_bytes(b"old")
+
+    def write_half() -> None:
+        with replace_atomically(path) as file:
+            file.write(b"half")
+            raise fault
+
+    with pytest.raises(fault):
+        write_half()
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_two_writers_do_not_meet(tmp_path: Path) -> None:
+    path = tmp_path / "track.json"
+    with replace_atomically(path) as first, replace_atomically(path) as second:
+        first.write(b"first")
+        second.write(b"second")
+    assert path.read_bytes() == b"first"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_absent_folder_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError), replace_atomically(tmp_path / "absent" / "file"):
+        pass
