@@ -1,0 +1,35 @@
+"""Where and when a DAP was really set down."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.messages import NodeId
+from shared.simulation.chance import generator
+from shared.simulation.scenario import Scenario
+from shared.simulation.walker import simulate_walk
+
+REACH_M = 0.4
+"""How far from the hip a person sets something down."""
+
+
+def installation_truth(
+    scenario: Scenario, dap_id: NodeId, seed: int
+) -> tuple[float, NDArray[np.float64], NodeId | None]:
+    """Return when (s), where ((3,) NED, on the floor) and by whom ``dap_id`` was installed.
+
+    A DAP at a known place stands there from time 0 and has no installer. Others stand at arm's
+    length before their installer, to either side.
+    """
+    known = scenario.daps[dap_id].position_m
+    if known is not None:
+        return 0.0, np.array(known), None
+    installer_id = dict(scenario.installations)[dap_id]
+    walk = simulate_walk(scenario, installer_id, seed)
+    time_s = walk.installed[dap_id]
+    position_m, heading_rad = walk.body.at(np.array([time_s]))
+    side_rad = generator(seed, "installation", dap_id).uniform(-np.pi / 2.0, np.pi / 2.0)
+    toward_rad = heading_rad[0] + side_rad
+    reach_m = REACH_M * np.array([np.cos(toward_rad), np.sin(toward_rad), 0.0])
+    return time_s, position_m[0] + reach_m, installer_id

@@ -1,0 +1,176 @@
+"""An exercise: who walks where in which building, carrying what, and which DAPs stand there.
+
+Scenario files give points as ``[north, east]`` in metres from the incident's origin, at the
+entrance; times are seconds from the start of the exercise.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+from shared.config import load_toml
+from shared.messages import NodeId
+from shared.simulation.plan import Plan, Point, load_plan, packaged_or_path
+
+SCENARIOS = Path(__file__).parent / "scenarios"
+
+Gait: TypeAlias = Literal[
+    "stand", "walk", "fast_walk", "side_left", "side_right", "crawl", "stairs_up", "stairs_down"
+]
+LevelGait: TypeAlias = Literal["walk", "fast_walk", "side_left", "side_right", "crawl"]
+Seconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e5)]
+Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
+Magnitude: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e4)]
+
+
+class Stand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="stand"):
+    """Stand still for ``for_s``, and if told so set down the DAP ``installs`` meanwhile."""
+
+    for_s: Seconds
+    installs: NodeId | None = None
+
+
+class Move(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="move"):
+    """Go on level ground through each point of ``to_m`` to the last, in one gait."""
+
+    gait: LevelGait
+    to_m: Annotated[tuple[Point, ...], Meta(min_length=1)]
+
+
+class Climb(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="climb"):
+    """Take the flight ``stairs`` from the end one stands at to the other."""
+
+    stairs: str
+
+
+Leg: TypeAlias = Stand | Move | Climb
+
+
+class Habit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How a person makes one gait: length of a stride and the time it takes, on average.
+
+    A stride is from one stance of a foot to the next of the same foot. On stairs the steps give
+    the length.
+    """
+
+    stride_m: Annotated[float, Meta(gt=0.1, le=4.0)]
+    stride_s: Annotated[float, Meta(gt=0.3, le=10.0)]
+
+
+class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How somebody moves. ``spread`` is the standard deviation of a stride, as a share of it."""
+
+    walk: Habit = Habit(1.2, 1.12)
+    fast_walk: Habit = Habit(1.8, 0.95)
+    side_left: Habit = Habit(0.6, 1.3)
+    side_right: Habit = Habit(0.6, 1.3)
+    crawl: Habit = Habit(0.6, 1.5)
+    stairs_up: Habit = Habit(0.67, 1.3)
+    stairs_down: Habit = Habit(0.67, 1.2)
+    spread: Share = 0.03
+
+
+class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Who goes in when, from where, facing where, and along which legs."""
+
+    start_m: Point
+    route: Annotated[tuple[Leg, ...], Meta(min_length=1)]
+    heading_deg: float = 0.0
+    floor: str | None = None
+    start_s: Seconds = 0.0
+    person: str = "average"
+
+
+class Dap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A DAP at ``position_m`` (north, east, down) from the start; without, a leg installs it."""
+
+    position_m: tuple[float, float, float] | None = None
+
+
+class ImuSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The boot's sensor."""
+
+    rate_hz: Annotated[float, Meta(ge=20.0, le=2000.0)] = 100.0
+
+
+class RadioSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How radio spreads in the building, and how a DAP hears it."""
+
+    scan_rate_hz: Annotated[float, Meta(gt=0.0, le=100.0)] = 5.0
+
+
+class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
+    """An exercise, but for its chance: that comes from a seed."""
+
+    description: str
+    plan: str
+    responders: Annotated[dict[NodeId, Responder], Meta(min_length=1)]
+    daps: dict[NodeId, Dap] = {}
+    people: dict[str, Person] = {}
+    imu: ImuSettings = ImuSettings()
+    radio: RadioSettings = RadioSettings()
+
+    def __post_init__(self) -> None:
+        """Refuse DAPs that nobody or more than one installs, and people who are not described."""
+        installed = [dap_id for dap_id, _ in self.installations]
+        for dap_id, dap in self.daps.items():
+            ways = installed.count(dap_id) + (dap.position_m is not None)
+            if ways != 1:
+                raise ValueError(
+                    f"daps.{dap_id}: give it a position_m, or let one leg install it; has {ways}"
+                )
+        for dap_id in installed:
+            if dap_id not in self.daps:
+                raise ValueError(f"a leg installs {dap_id!r}: list it under daps")
+        for responder_id, responder in self.responders.items():
+            if responder.person not in self.people and responder.person != "average":
+                raise ValueError(
+                    f"responders.{responder_id}.person: {responder.person!r} is not under people"
+                )
+
+    @property
+    def installations(self) -> list[tuple[NodeId, NodeId]]:
+        """Which DAP is installed by which responder, in the order of the file."""
+        return [
+            (leg.installs, responder_id)
+            for responder_id, responder in self.responders.items()
+            for leg in responder.route
+            if isinstance(leg, Stand) and leg.installs is not None
+        ]
+
+    @cached_property
+    def building(self) -> Plan:
+        """The plan, loaded."""
+        return load_plan(self.plan)
+
+    def person_of(self, responder_id: NodeId) -> Person:
+        """How the responder moves."""
+        return self.people.get(self.responders[responder_id].person, Person())
+
+    def start_of(self, responder_id: NodeId) -> tuple[float, float, float, float]:
+        """North, east, down and heading (rad) of the responder before the first leg."""
+        responder = self.responders[responder_id]
+        floor = responder.floor or self.building.floors[0].name
+        north_m, east_m = responder.start_m
+        height_m = self.building.floor_height_m(floor)
+        return north_m, east_m, -height_m, math.radians(responder.heading_deg)
+
+
+def load_scenario(name_or_path: str) -> Scenario:
+    """Return the packaged scenario of that name, or the one in the TOML file at that path.
+
+    Raises ``shared.config.ConfigError`` if there is none or it, or its plan, cannot be used. A
+    plan that is a path is taken from the scenario's folder.
+    """
+    path = packaged_or_path(name_or_path, SCENARIOS)
+    scenario = load_toml(path, Scenario)
+    if scenario.plan.endswith(".toml"):
+        scenario = msgspec.structs.replace(scenario, plan=str(path.parent / scenario.plan))
+    load_plan(scenario.plan)
+    return scenario
