@@ -28,10 +28,10 @@ def replace_atomically(path: Path) -> Iterator[BinaryIO]:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """Have the move itself survive a power failure, where folders can be opened (not Windows)."""
     if os.name != "posix":
         return

@@ -1,0 +1,212 @@
+"""The recorder never makes anyone wait, loses a second at most, and says what it lost."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from command_post.recording import SYNC_PERIOD_NS, Recorder
+from command_post.recording_file import RecordingFile
+from shared.mcap_reader import read_recording
+from tests.traffic import traffic
+
+PATIENCE_S = 30.0
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline_s
+
+
+def hurried() -> Callable[[], int]:
+    """Return a clock on which every look finds the next sync due."""
+    seconds = itertools.count()
+    return lambda: next(seconds) * SYNC_PERIOD_NS
+
+
+class Gate:
+    """Stands before the file: the recorder's thread waits there until it is opened."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.reached = threading.Event()
+        self.opened = threading.Event()
+        put = RecordingFile.put
+
+        def put_when_open(
+            file: RecordingFile, key: str, payload: bytes, time_ns: int, *, outgoing: bool = False
+        ) -> None:
+            self.reached.set()
+            assert self.opened.wait(PATIENCE_S)
+            put(file, key, payload, time_ns, outgoing=outgoing)
+
+        monkeypatch.setattr(RecordingFile, "put", put_when_open)
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
+    gate = Gate(monkeypatch)
+    yield gate
+    gate.opened.set()
+
+
+def test_all_that_is_put_is_in_the_finished_file(tmp_path: Path) -> None:
+    sent = list(traffic(300))
+    with Recorder(tmp_path / "a.mcap", {"incident": "test"}) as recorder:
+        for time_ns, key, payload in sent:
+            recorder.put(key, payload, time_ns)
+    recording = read_recording(tmp_path / "a.mcap")
+    assert [(m.log_time_ns, m.key, m.payload) for m in recording] == sent
+    assert recording.report.complete
+    assert recorder.status() == (0, len(sent), 0, None)
+    assert recorder.close() == recorder.status()
+
+
+def test_messages_over_the_bound_are_dropped_counted_and_told(tmp_path: Path, gate: Gate) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", {}, queue_messages=5)
+    recorder.put("key", b"0", 0)
+    assert gate.reached.wait(PATIENCE_S)
+    for number in range(1, 20):
+        recorder.put("key", b"%d" % number, number)
+    assert recorder.status() == (5, 0, 14, None)
+    gate.opened.set()
+    assert recorder.close() == (0, 6, 14, None)
+    recording = read_recording(tmp_path / "a.mcap")
+    assert [message.payload for message in recording] == [b"0", b"1", b"2", b"3", b"4", b"5"]
+    assert recording.report.dropped_count == 14
+
+
+def test_the_queue_is_bounded_in_bytes_too(tmp_path: Path, gate: Gate) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", {}, queue_bytes=1000)
+    recorder.put("key", b"first", 0)
+    assert gate.reached.wait(PATIENCE_S)
+    for size in (600, 600, 400, 1):
+        recorder.put("key", bytes(size), 0)
+    assert recorder.status() == (2, 0, 2, None)
+    gate.opened.set()
+    recorder.close()
+    assert [len(m.payload) for m in read_recording(tmp_path / "a.mcap")] == [5, 600, 400]
+
+
+def test_drops_are_told_in_an_unfinished_recording_too(tmp_path: Path, gate: Gate) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", {}, queue_messages=1, monotonic_ns=hurried())
+    recorder.put("key", b"0", 0)
+    assert gate.reached.wait(PATIENCE_S)
+    recorder.put("key", b"1", 0)
+    recorder.put("key", b"2", 0)
+    gate.opened.set()
+    wait_until(lambda: recorder.status().written >= 1)
+    recorder.put("key", b"after", 0)
+    wait_until(lambda: recorder.status().written >= 2)
+    unfinished = read_recording(tmp_path / "a.mcap.part")
+    assert [message.payload for message in unfinished][:1] == [b"0"]
+    assert unfinished.report.dropped_count >= 1
+    recorder.close()
+
+
+def test_when_the_disk_fails_the_program_goes_on_and_the_record_so_far_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", {}, monotonic_ns=hurried())
+    recorder.put("key", b"safe", 0)
+    synced = read_recording(tmp_path / "a.mcap.part")
+    wait_until(lambda: [message.payload for message in synced] == [b"safe"])
+
+    def fail(_: RecordingFile) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(RecordingFile, "sync", fail)
+    recorder.put("key", b"too much", 0)
+    wait_until(lambda: recorder.status().fault is not None)
+    recorder.put("key", b"later", 0)
+    status = recorder.close()
+    assert "No space left on device" in (status.fault or "")
+    assert "a.mcap" in (status.fault or "")
+    assert status.dropped == 1
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap.part"]
+    assert next(m.payload for m in read_recording(tmp_path / "a.mcap.part")) == b"safe"
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from command_post.recording import Recorder
+from command_post.recording_file import RecordingFile
+
+clock_ns = 0
+put = RecordingFile.put
+
+def put_and_tick(*arguments, **more):
+    global clock_ns
+    put(*arguments, **more)
+    clock_ns += 100_000_000
+
+RecordingFile.put = put_and_tick
+recorder = Recorder(Path(sys.argv[1]), {"incident": "test"}, monotonic_ns=lambda: clock_ns)
+for number in range(55):
+    recorder.put("some/key", b"%d" % number, number * 100_000_000)
+while recorder.status().written < 55:
+    pass
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_kill_costs_the_last_second_at_most(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(tmp_path / "a.mcap")],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as recording:
+        assert recording.stdout is not None
+        assert recording.stdout.readline() == b"ready\n"
+        recording.kill()
+    found = read_recording(tmp_path / "a.mcap.part")
+    assert found.metadata["incident"] == "test"
+    assert [message.payload for message in found] == [b"%d" % number for number in range(50)]
+    assert not found.report.finished
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from command_post.recording import Recorder
+
+seconds = iter(range(10_000))
+recorder = Recorder(Path(sys.argv[1]), {}, monotonic_ns=lambda: next(seconds) * 10**9)
+resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
+noise = Path("/dev/urandom").open("rb")
+while recorder.status().fault is None:
+    recorder.put("some/key", noise.read(1000), 5)
+written = recorder.status().written
+for number in range(10):
+    recorder.put("some/key", b"lost", 6)
+status = recorder.close()
+print(status.fault, written, status.dropped >= 10, sep="|")
+"""
+
+
+def test_a_file_that_may_not_grow_stops_the_record_and_nothing_else(tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path / "a.mcap")],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    fault, written, dropped = ended.stdout.strip().splitlines()[-1].split("|")
+    assert "recording has stopped: [Errno 27] File too large" in fault
+    assert dropped == "True"
+    found = read_recording(tmp_path / "a.mcap.part")
+    kept = [message.payload for message in found]
+    assert 20 <= len(kept) <= int(written)
+    assert {len(payload) for payload in kept} == {1000}
