@@ -20,6 +20,10 @@ Handler: TypeAlias = Callable[[Received], None]
 AliveHandler: TypeAlias = Callable[[str, bool], None]
 
 
+class BusClosedError(RuntimeError):
+    """Something was declared on a bus that has been closed."""
+
+
 class Bus(Protocol):
     """A connection to the others. Leaving its ``with`` block closes it and all it declared."""
 

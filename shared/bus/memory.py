@@ -1,0 +1,152 @@
+"""The bus inside one process: for tests, and for programs that run together without a network."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Generic, NamedTuple, Self, TypeVar
+
+from shared.bus.guard import HandlerGuard
+from shared.bus.interface import AliveHandler, BusClosedError, Handler, Received
+from shared.bus.key_expression import check_key, check_key_expression, matches
+from shared.topics import Priority
+
+H = TypeVar("H")
+
+
+class _Declared(NamedTuple, Generic[H]):
+    """What a bus wants to be called for."""
+
+    bus: MemoryBus
+    expression: str
+    handler: H
+
+
+class MemoryNetwork:
+    """What the buses of one process are connected to."""
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self.subscribers: list[_Declared[Handler]] = []
+        self.answerers: list[_Declared[Callable[[], bytes | None]]] = []
+        self.watchers: list[_Declared[AliveHandler]] = []
+        self.tokens: list[_Declared[None]] = []
+
+    def connect(self) -> MemoryBus:
+        """Return a new bus on this network."""
+        return MemoryBus(self)
+
+
+class MemoryBus:
+    """A ``Bus`` that delivers at once: handlers have run when ``publish`` returns.
+
+    They run in the publisher's thread, for its own messages too. What a handler publishes is
+    delivered before the next handler is called.
+    """
+
+    def __init__(self, network: MemoryNetwork) -> None:
+        self._network = network
+        self._guard = HandlerGuard()
+        self._closed = False
+
+    @property
+    def handler_failures(self) -> int:
+        """How often one of this bus's handlers has raised."""
+        return self._guard.failures
+
+    def publish(self, key: str, payload: bytes, priority: Priority = "data") -> None:  # noqa: ARG002
+        """Hand ``payload`` to every handler subscribed to ``key``; to none once closed."""
+        check_key(key)
+        if self._closed:
+            return
+        received = Received(key, payload)
+        for handler in self._handlers(self._network.subscribers, key):
+            handler(received)
+
+    def subscribe(self, key_expression: str, handler: Handler) -> None:
+        """Call ``handler`` with everything that is published under ``key_expression``."""
+        check_key_expression(key_expression)
+        guarded = self._guard.wrap(handler, f"subscriber to {key_expression}")
+        self._declare(self._network.subscribers, key_expression, guarded)
+
+    def answer(self, key: str, answerer: Callable[[], bytes | None]) -> None:
+        """Answer queries for ``key`` with what ``answerer`` returns; ``None`` is no answer."""
+        check_key(key)
+        guarded = self._guard.wrap(answerer, f"answerer of {key}")
+        self._declare(self._network.answerers, key, guarded)
+
+    def query(self, key_expression: str, timeout_s: float) -> list[Received]:  # noqa: ARG002
+        """Ask everyone who answers under ``key_expression``; none once closed."""
+        check_key_expression(key_expression)
+        if self._closed:
+            return []
+        with self._network.lock:
+            asked = [a for a in self._network.answerers if matches(key_expression, a.expression)]
+        answers = ((answerer.expression, answerer.handler()) for answerer in asked)
+        return [Received(key, payload) for key, payload in answers if payload is not None]
+
+    def declare_alive(self, key: str) -> None:
+        """Hold a liveliness token under ``key`` until closed."""
+        check_key(key)
+        known = self._declare(self._network.tokens, key, None)
+        if all(token.expression != key for token in known):
+            self._tell(key, alive=True)
+
+    def watch_alive(self, key_expression: str, handler: AliveHandler) -> None:
+        """Call ``handler(key, alive)`` for tokens held now, and as they come and go."""
+        check_key_expression(key_expression)
+        guarded = self._guard.wrap(handler, f"watcher of {key_expression}")
+        with self._network.lock:
+            self._declare(self._network.watchers, key_expression, guarded)
+            alive = {token.expression for token in self._network.tokens}
+        for key in sorted(alive):
+            if matches(key_expression, key):
+                guarded(key, True)
+
+    def close(self) -> None:
+        """Undeclare everything; those who watch see the tokens go. Closing twice is harmless."""
+        network = self._network
+        with network.lock:
+            self._closed = True
+            own = {token.expression for token in network.tokens if token.bus is self}
+            self._undeclare(network.subscribers)
+            self._undeclare(network.answerers)
+            self._undeclare(network.watchers)
+            self._undeclare(network.tokens)
+            gone = own.difference(token.expression for token in network.tokens)
+        for key in sorted(gone):
+            self._tell(key, alive=False)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _declare(
+        self, declared: list[_Declared[H]], expression: str, handler: H
+    ) -> list[_Declared[H]]:
+        """Add to ``declared``; return what was there before."""
+        with self._network.lock:
+            if self._closed:
+                raise BusClosedError(f"{expression}: nothing can be declared, the bus is closed")
+            before = list(declared)
+            declared.append(_Declared(self, expression, handler))
+            return before
+
+    def _undeclare(self, declared: list[_Declared[H]]) -> None:
+        declared[:] = [entry for entry in declared if entry.bus is not self]
+
+    def _handlers(self, declared: list[_Declared[H]], key: str) -> list[H]:
+        with self._network.lock:
+            return [entry.handler for entry in declared if matches(entry.expression, key)]
+
+    def _tell(self, key: str, *, alive: bool) -> None:
+        for handler in self._handlers(self._network.watchers, key):
+            handler(key, alive)

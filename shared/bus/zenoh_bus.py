@@ -1,0 +1,357 @@
+"""The bus over Zenoh, the only room that knows it: routers at post and DAPs, agents as clients.
+
+The settings are measured ones. Multicast and gossip are off: whom to dial is configured. A lease
+of 2 s finds a dead link in under 2 s (each side applies the lease the other announces). Live data
+is put with congestion control DROP, since a blocking put stalls for seconds on a half-open link
+and then loses the rest without a word. Zenoh's own log, which can only go to standard output, is
+never turned on; what its handlers raise comes through ``logging``.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import re
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Literal, Protocol, Self, TypeAlias
+
+import structlog
+import zenoh
+
+from shared.bus.guard import HandlerGuard
+from shared.bus.interface import AliveHandler, BusClosedError, Handler, Received
+from shared.bus.key_expression import check_key, check_key_expression
+from shared.topics import Priority
+
+log = structlog.stdlib.get_logger(__name__)
+
+Mode: TypeAlias = Literal["router", "client"]
+
+OPEN_ATTEMPT_MS = 1500
+OPEN_PAUSE_S = 0.2
+CLOSE_S = 1.8
+LEASE_MS = 2000
+
+_PRIORITIES: dict[Priority, zenoh.Priority] = {
+    "high": zenoh.Priority.INTERACTIVE_HIGH,
+    "data": zenoh.Priority.DATA,
+    "low": zenoh.Priority.DATA_LOW,
+}
+
+_ENDPOINT = re.compile(r"tcp/(?P<host>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):(?P<port>\d{1,5})")
+
+
+class _Undeclarable(Protocol):
+    def undeclare(self) -> None: ...
+
+
+def open_zenoh(mode: Mode, connect: Sequence[str] = (), listen: Sequence[str] = ()) -> ZenohBus:
+    """Open a bus that dials the endpoints ``connect`` and, as a router, listens on ``listen``.
+
+    Endpoints read ``tcp/HOST:PORT``; port 0 listens on a free one, which ``locators`` tells. A
+    router dials until it is answered, a client keeps to one of its routers and changes when that
+    one is gone: anything may start first, and end and come back.
+
+    Raises ``ValueError`` for an endpoint that is malformed, or that listens beyond this machine:
+    this version neither encrypts nor authenticates. Raises ``OSError`` where listening fails.
+    """
+    for endpoint in connect:
+        _check_endpoint(endpoint)
+    for endpoint in listen:
+        _check_loopback(endpoint)
+    if mode == "client" and (listen or not connect):
+        raise ValueError("a client dials routers and listens to nobody: give it only 'connect'")
+    return ZenohBus(mode, connect, listen)
+
+
+def _check_endpoint(endpoint: str) -> re.Match[str]:
+    parts = _ENDPOINT.fullmatch(endpoint)
+    if parts is None or int(parts["port"]) > 65_535:
+        raise ValueError(f"endpoint {endpoint!r}: write tcp/HOST:PORT, as in tcp/127.0.0.1:7447")
+    return parts
+
+
+def _check_loopback(endpoint: str) -> None:
+    host = _check_endpoint(endpoint)["host"].strip("[]")
+    try:
+        loopback = ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        loopback = False
+    if not loopback:
+        raise ValueError(
+            f"endpoint {endpoint!r}: this version neither encrypts nor authenticates, so it "
+            "listens on this machine only; use tcp/127.0.0.1:PORT"
+        )
+
+
+def _configuration(mode: Mode, connect: Sequence[str], listen: Sequence[str]) -> zenoh.Config:
+    client = mode == "client"
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "scouting": {
+            "multicast": {"enabled": False},
+            "gossip": {"enabled": False},
+            "delay": 0,
+        },
+        "listen": {"endpoints": list(listen)},
+        "connect": {
+            "endpoints": list(connect),
+            # A router opens at once and dials behind; -1 makes a client deaf to signals.
+            "timeout_ms": OPEN_ATTEMPT_MS if client else -1,
+            "exit_on_failure": client,
+            "retry": {
+                "period_init_ms": 200,
+                "period_max_ms": 2000,
+                "period_increase_factor": 1.5,
+            },
+        },
+        "transport": {
+            "shared_memory": {"enabled": False},
+            "link": {"tx": {"lease": LEASE_MS}},
+        },
+        # Where a router says which port it was given.
+        "adminspace": {"enabled": not client, "permissions": {"read": True, "write": False}},
+    }
+    return zenoh.Config.from_json5(json.dumps(settings))
+
+
+class ZenohBus:
+    """A ``Bus`` over the network; ``open_zenoh`` makes one.
+
+    It may be used from any thread but from within a handler: handlers and answerers run on
+    Zenoh's threads and must only enqueue, or return what is at hand. Without a session (a client
+    before it finds a router) what is published is dropped and counted, queries find nobody, and
+    declarations wait. Close clients before the routers they are connected to.
+    """
+
+    def __init__(self, mode: Mode, connect: Sequence[str], listen: Sequence[str]) -> None:
+        self._configuration = _configuration(mode, connect, listen)
+        self._connect = list(connect)
+        self._guard = HandlerGuard()
+        self._lock = threading.RLock()
+        self._closing = threading.Event()
+        self._session: zenoh.Session | None = None
+        self._declarations: list[Callable[[zenoh.Session], _Undeclarable]] = []
+        self._declared: list[_Undeclarable] = []
+        self._publishers: dict[tuple[str, Priority], zenoh.Publisher] = {}
+        self._unsent = 0
+        self._opener = threading.Thread(target=self._open_client, name="zenoh-open", daemon=True)
+        if mode == "client":
+            self._opener.start()
+        else:
+            self._adopt(_open_router(self._configuration, listen))
+
+    @property
+    def handler_failures(self) -> int:
+        """How often a handler has raised."""
+        return self._guard.failures
+
+    @property
+    def unsent(self) -> int:
+        """How many messages were dropped because there was no session to publish them in."""
+        return self._unsent
+
+    def connected(self) -> bool:
+        """Return whether a link to another node is up at this moment."""
+        session = self._session
+        try:
+            return session is not None and bool(session.info.links())
+        except zenoh.ZError:
+            return False
+
+    def locators(self) -> tuple[str, ...]:
+        """Return the endpoints a router listens on, with the ports it was really given."""
+        session = self._session
+        if session is None:
+            return ()
+        found: list[str] = []
+        for reply in session.get(f"@/{session.zid()}/router", timeout=CLOSE_S):
+            if reply.ok is not None:
+                found += json.loads(reply.ok.payload.to_bytes())["locators"]
+        return tuple(found)
+
+    def publish(self, key: str, payload: bytes, priority: Priority = "data") -> None:
+        """Send ``payload`` live; dropped where a link cannot take it, and without a session.
+
+        Never blocks. Raises ``ValueError`` for a malformed key, and nothing else.
+        """
+        publisher = self._publishers.get((key, priority)) or self._publisher(key, priority)
+        if publisher is not None:
+            with suppress(zenoh.ZError):
+                publisher.put(payload)
+                return
+        with self._lock:
+            self._unsent += 1
+
+    def subscribe(self, key_expression: str, handler: Handler) -> None:
+        """Call ``handler`` with everything that is published under ``key_expression``."""
+        check_key_expression(key_expression)
+        guarded = self._guard.wrap(handler, f"subscriber to {key_expression}")
+
+        def receive(sample: zenoh.Sample) -> None:
+            if not self._closing.is_set():
+                guarded(Received(str(sample.key_expr), sample.payload.to_bytes()))
+
+        self._declare(lambda session: session.declare_subscriber(key_expression, receive))
+
+    def answer(self, key: str, answerer: Callable[[], bytes | None]) -> None:
+        """Answer queries for ``key`` with what ``answerer`` returns; ``None`` is no answer."""
+        check_key(key)
+        guarded = self._guard.wrap(answerer, f"answerer of {key}")
+
+        def reply(query: zenoh.Query) -> None:
+            with query:
+                payload = None if self._closing.is_set() else guarded()
+                if payload is not None:
+                    query.reply(key, payload)
+
+        self._declare(lambda session: session.declare_queryable(key, reply))
+
+    def query(self, key_expression: str, timeout_s: float) -> list[Received]:
+        """Ask everyone who answers under ``key_expression``; return what came in time.
+
+        Returns at once where nobody answers; whoever asks again should wait a little.
+        """
+        check_key_expression(key_expression)
+        session = self._session
+        answers: list[Received] = []
+        with suppress(zenoh.ZError):
+            for reply in _ask(session, key_expression, timeout_s) if session is not None else ():
+                if reply.ok is not None:
+                    answers.append(Received(str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
+                elif reply.err is not None:
+                    log.debug("no answer", key=key_expression, why=reply.err.payload.to_string())
+        return answers
+
+    def declare_alive(self, key: str) -> None:
+        """Hold a liveliness token under ``key`` until closed."""
+        check_key(key)
+        self._declare(lambda session: session.liveliness().declare_token(key))
+
+    def watch_alive(self, key_expression: str, handler: AliveHandler) -> None:
+        """Call ``handler(key, alive)`` for tokens held now, and as they come and go.
+
+        While this node is cut off, those beyond the cut are not alive.
+        """
+        check_key_expression(key_expression)
+        guarded = self._guard.wrap(handler, f"watcher of {key_expression}")
+
+        def hear(sample: zenoh.Sample) -> None:
+            if not self._closing.is_set():
+                guarded(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        self._declare(
+            lambda session: session.liveliness().declare_subscriber(
+                key_expression, hear, history=True
+            )
+        )
+
+    def close(self) -> None:
+        """Undeclare everything and close, within 2 s. Closing twice is harmless.
+
+        A half-open link with full buffers would hold Zenoh's close for 10 s: such a link is left
+        to itself, and to the lease at its other end.
+        """
+        with self._lock:
+            if self._closing.is_set():
+                return
+            self._closing.set()
+        closer = threading.Thread(target=self._shut, name="zenoh-close", daemon=True)
+        closer.start()
+        closer.join(CLOSE_S)
+        if closer.is_alive():
+            log.warning("a link does not take our goodbye and is left to itself")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _open_client(self) -> None:
+        """Try to open a session until there is a router, or until closed."""
+        told = False
+        while not self._closing.is_set():
+            try:
+                session = zenoh.open(self._configuration)
+            except zenoh.ZError as error:
+                if not told:
+                    log.info("no router answers yet, trying on", dialling=self._connect)
+                    log.debug("the last try", error=str(error))
+                told = True
+                self._closing.wait(OPEN_PAUSE_S)
+            else:
+                self._adopt(session)
+                return
+
+    def _adopt(self, session: zenoh.Session) -> None:
+        """Declare in ``session`` what has been asked for, and use it from now on."""
+        with self._lock:
+            self._declared = [declare(session) for declare in self._declarations]
+            self._session = session
+        log.info("session open", zid=str(session.zid()))
+
+    def _declare(self, declare: Callable[[zenoh.Session], _Undeclarable]) -> None:
+        with self._lock:
+            if self._closing.is_set():
+                raise BusClosedError("nothing can be declared, the bus is closed")
+            self._declarations.append(declare)
+            if self._session is not None:
+                self._declared.append(declare(self._session))
+
+    def _publisher(self, key: str, priority: Priority) -> zenoh.Publisher | None:
+        """Declare a publisher, once for each key and priority; ``None`` without a session."""
+        check_key(key)
+        with self._lock:
+            if self._session is None or self._closing.is_set():
+                return None
+            publisher = self._session.declare_publisher(
+                key,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=_PRIORITIES[priority],
+            )
+            return self._publishers.setdefault((key, priority), publisher)
+
+    def _shut(self) -> None:
+        """Undeclare first: a callback still declared when the program ends would hang it."""
+        if self._opener.is_alive():
+            self._opener.join()
+        with self._lock:
+            session, self._session = self._session, None
+            undeclarables = [*self._publishers.values(), *reversed(self._declared)]
+            self._publishers.clear()
+            self._declared.clear()
+        for declared in undeclarables:
+            with suppress(zenoh.ZError):
+                declared.undeclare()
+        if session is not None:
+            with suppress(zenoh.ZError):
+                session.close()  # type: ignore[no-untyped-call]
+
+
+def _open_router(configuration: zenoh.Config, listen: Sequence[str]) -> zenoh.Session:
+    try:
+        return zenoh.open(configuration)
+    except zenoh.ZError as error:
+        reason = str(error).partition(" at /")[0]
+        raise OSError(f"cannot listen on {', '.join(listen)}: {reason}; use another port") from None
+
+
+def _ask(
+    session: zenoh.Session, key_expression: str, timeout_s: float
+) -> zenoh.Handler[zenoh.Reply]:
+    """Ask all, and keep every reply: by default Zenoh keeps one for each key."""
+    return session.get(
+        key_expression,
+        target=zenoh.QueryTarget.ALL,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        timeout=timeout_s,
+    )
