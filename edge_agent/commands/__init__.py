@@ -1,0 +1,1 @@
+"""What ``edge-agent`` does, one module a command."""

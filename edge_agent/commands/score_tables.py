@@ -1,0 +1,83 @@
+"""A score card for people to read."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+from edge_agent.evaluation.score_card import METRICS, ScoreCard
+from shared.maths.statistics import Summary
+
+PIPED_WIDTH = 200
+"""Columns when standard output is no terminal: nothing may be cut off."""
+
+_HEADINGS = {
+    "distance_error_pct": "distance %",
+    "distance_3d_error_pct": "distance 3-D %",
+    "stride_rmse_m": "stride m",
+    "ate_pct": "ATE %",
+    "end_error_pct": "end %",
+    "heading_drift_deg_min": "drift °/min",
+    "missed_stances_pct": "missed %",
+    "false_stances_pct": "false %",
+    "vertical_rmse_m": "height m",
+    "vertical_end_error_m": "height end m",
+    "closure_2d_m": "closure m",
+    "closure_3d_m": "closure 3-D m",
+}
+
+
+def print_tables(card: ScoreCard, title: str) -> None:
+    """Write the trials, the failures and the sets of ``card`` to standard output."""
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=PIPED_WIDTH)
+    told = [metric for metric in METRICS if any(metric in row for row in card.sets.values())]
+    console.print(_trials(card, told, title))
+    for row in card.trials:
+        if row.failure is not None:
+            console.print(f"failed: {row.set} {row.name}: {row.failure}", markup=False)
+    console.print(_sets(card, title))
+
+
+def _trials(card: ScoreCard, told: list[str], title: str) -> Table:
+    table = Table(title=f"Trials ({title})", title_justify="left")
+    table.add_column("set", no_wrap=True)
+    table.add_column("trial", no_wrap=True)
+    for heading in ("strides", "length m", "m/s", *(_HEADINGS[metric] for metric in told)):
+        table.add_column(heading, justify="right")
+    for row in sorted(card.trials, key=lambda row: (row.set, row.name)):
+        table.add_row(
+            row.set,
+            row.name,
+            "" if row.n_strides is None else str(row.n_strides),
+            _told(row.length_m),
+            _told(row.mean_speed_m_s),
+            *(_told(getattr(row, metric)) for metric in told),
+        )
+    return table
+
+
+def _told(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _sets(card: ScoreCard, title: str) -> Table:
+    table = Table(title=f"Sets, by magnitude ({title})", title_justify="left")
+    table.add_column("set", no_wrap=True)
+    for heading in ("trials", "failed"):
+        table.add_column(heading, justify="right")
+    table.add_column("error")
+    for heading in Summary._fields:
+        table.add_column(heading, justify="right")
+    for name, summaries in card.sets.items():
+        first = [name, str(summaries["n"]), str(summaries["failed"])]
+        for metric, heading in _HEADINGS.items():
+            summary = summaries.get(metric)
+            if isinstance(summary, Summary):
+                table.add_row(*first, heading, *map(_told, summary))
+                first = ["", "", ""]
+        if first[0]:
+            table.add_row(*first)
+        table.add_section()
+    return table

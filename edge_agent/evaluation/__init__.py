@@ -1,0 +1,1 @@
+"""How good a mount's path is, against where the boot really was. Pure: arrays in, scores out."""

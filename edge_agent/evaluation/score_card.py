@@ -1,0 +1,141 @@
+"""The score card: one row a trial, and what the trials of a set come to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import msgspec
+
+from edge_agent.evaluation.errors import closure, stance_errors, vertical_errors
+from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
+from edge_agent.evaluation.truth import Truth
+from edge_agent.mounts.interface import Increment
+from shared.maths.statistics import Summary, summarise
+
+METRICS = (
+    "distance_error_pct", "distance_3d_error_pct", "stride_rmse_m", "ate_pct", "end_error_pct",
+    "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct", "vertical_rmse_m",
+    "vertical_end_error_m", "closure_2d_m", "closure_3d_m",
+)  # fmt: skip
+"""The fields of ``TrialScore`` that a set sums up."""
+
+IN_PLACE = "in_place"
+IN_PLACE_LENGTH_M = 6.0
+
+_SPEED_CLASSES = {
+    "foot_strides": ((1.3, "walk"), (1.9, "fast"), (math.inf, "run")),
+    "foot_vicon": ((0.5, "slow"), (1.5, "walk"), (math.inf, "run")),
+}
+"""By group: mean speeds (m/s) below which a trial is of the class."""
+
+
+class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
+    """One recording. What cannot be told of it is ``None``.
+
+    Errors keep their sign: ``distance_error_pct`` (in the plane; ``distance_3d_error_pct`` counts
+    climbing as well, where the truth has height) is negative for a path that came out short,
+    ``heading_drift_deg_min`` positive for one that turns right, ``vertical_end_error_m`` positive
+    for one that ends too low. ``failure`` says why there is no score; the trial still counts.
+    """
+
+    name: str
+    set: str
+    n_strides: int | None = None
+    length_m: float | None = None
+    mean_speed_m_s: float | None = None
+    distance_error_pct: float | None = None
+    distance_3d_error_pct: float | None = None
+    stride_rmse_m: float | None = None
+    ate_pct: float | None = None
+    end_error_pct: float | None = None
+    heading_drift_deg_min: float | None = None
+    missed_stances_pct: float | None = None
+    false_stances_pct: float | None = None
+    vertical_rmse_m: float | None = None
+    vertical_end_error_m: float | None = None
+    closure_2d_m: float | None = None
+    closure_3d_m: float | None = None
+    failure: str | None = None
+
+
+class ScoreCard(msgspec.Struct, frozen=True):
+    """All trials, and by set: ``n``, ``failed``, and each metric's summary.
+
+    Summaries are of magnitudes (a path 3 % short is as wrong as one 3 % long), over the trials of
+    the set that have the metric.
+    """
+
+    trials: list[TrialScore]
+    sets: dict[str, dict[str, int | Summary]]
+
+
+def set_of(group: str, truth: Truth | None) -> str:
+    """Return the set a trial belongs to: its group, and how fast or on the spot it is."""
+    classes = _SPEED_CLASSES.get(group)
+    if truth is None or classes is None:
+        return group
+    if group == "foot_vicon" and truth.length_m < IN_PLACE_LENGTH_M:
+        return f"{group}/{IN_PLACE}"
+    return f"{group}/{next(name for limit, name in classes if truth.mean_speed_m_s < limit)}"
+
+
+def score_trial(
+    name: str, group: str, increments: Sequence[Increment], truth: Truth | None
+) -> TrialScore:
+    """Return the score of ``increments`` (in order) against ``truth``; closure without truth."""
+    if not increments:
+        return failed_trial(name, group, truth, "no strides found")
+    path = estimated_path(increments)
+    if truth is None:
+        return TrialScore(
+            name=name, set=group, n_strides=len(increments), **closure(path)._asdict()
+        )
+    try:
+        errors = _errors(set_of(group, truth), path, truth)
+    except ValueError as error:
+        return failed_trial(name, group, truth, str(error))
+    return msgspec.structs.replace(_row(name, group, truth), **errors)
+
+
+def _errors(set_name: str, path: EstimatedPath, truth: Truth) -> dict[str, float | None]:
+    vertical = vertical_errors(path, truth)
+    errors = {} if vertical is None else vertical._asdict()
+    if not set_name.endswith(f"/{IN_PLACE}"):
+        errors |= stance_errors(path, truth)._asdict()
+    return {metric: value if math.isfinite(value) else None for metric, value in errors.items()}
+
+
+def failed_trial(name: str, group: str, truth: Truth | None, failure: str) -> TrialScore:
+    """Return the row of a trial without a score, and why."""
+    return msgspec.structs.replace(_row(name, group, truth), failure=failure)
+
+
+def _row(name: str, group: str, truth: Truth | None) -> TrialScore:
+    if truth is None:
+        return TrialScore(name=name, set=group)
+    return TrialScore(
+        name=name,
+        set=set_of(group, truth),
+        n_strides=max(0, len(truth.time_s) - 1),
+        length_m=truth.length_m,
+        mean_speed_m_s=truth.mean_speed_m_s,
+    )
+
+
+def score_card(trials: Iterable[TrialScore]) -> ScoreCard:
+    """Sum up ``trials`` by set, in the order of the sets' names."""
+    rows = list(trials)
+    sets: dict[str, dict[str, int | Summary]] = {}
+    for name in sorted({row.set for row in rows}):
+        members = [row for row in rows if row.set == name]
+        sets[name] = {
+            "n": len(members),
+            "failed": sum(row.failure is not None for row in members),
+        }
+        for metric in METRICS:
+            values = [getattr(row, metric) for row in members]
+            told = [abs(value) for value in values if value is not None]
+            if told:
+                sets[name][metric] = summarise(told)
+    return ScoreCard(rows, sets)

@@ -1,0 +1,103 @@
+"""Where the boot really was: at the instants when it really stood.
+
+Errors are taken at true stances, never at detected ones, so that no detector is favoured: one that
+misses a stance is held to account for it, and one that invents a stance gains nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+Array: TypeAlias = NDArray[np.float64]
+
+STILL_M_S = 0.15
+"""A boot in motion capture stands below this speed; the sensor above a rolling foot never stops."""
+
+FEWEST_SAMPLES = 5
+SHORTEST_STANCE_S = 0.06
+SMOOTHING_S = 0.075
+SAME_PLACE_M = 0.10
+"""Stances nearer than this to the one before are the same: a shuffle on the spot."""
+
+
+@dataclass(frozen=True)
+class Height:
+    """``down_m`` (n,) of the boot at ``time_s`` (n,), on the recording's clock."""
+
+    time_s: Array
+    down_m: Array
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True stances: ``time_s`` (k,) rising, ``position_m`` (k, 2) north and east; height if known.
+
+    North is wherever the truth's frame has it; only rigid alignment compares.
+    """
+
+    time_s: Array
+    position_m: Array
+    height: Height | None = None
+
+    @property
+    def stride_lengths_m(self) -> Array:
+        """Level distance (k - 1,) from each stance to the next."""
+        north_m, east_m = np.diff(self.position_m, axis=0).T
+        lengths_m: Array = np.hypot(north_m, east_m)
+        return lengths_m
+
+    @property
+    def length_m(self) -> float:
+        """Length of the path, stance to stance."""
+        return float(self.stride_lengths_m.sum())
+
+    @property
+    def mean_speed_m_s(self) -> float:
+        """Path length over the time from the first to the last stance; 0 with fewer than two."""
+        if len(self.time_s) < 2:
+            return 0.0
+        return self.length_m / float(self.time_s[-1] - self.time_s[0])
+
+
+def truth_of_stances(time_s: Array, position_m: Array) -> Truth:
+    """Return the truth of stances known one by one, ``position_m`` (k, 2) or (k, 3) NED."""
+    height = Height(time_s, position_m[:, 2]) if position_m.shape[1] == 3 else None
+    return Truth(time_s, position_m[:, :2], height)
+
+
+def truth_of_path(time_s: Array, position_m: Array) -> Truth:
+    """Return the truth of a path measured evenly: ``position_m`` (n, 3) NED at ``time_s`` (n,).
+
+    A stance is where the speed is below ``STILL_M_S`` for at least ``SHORTEST_STANCE_S``; its
+    instant is the middle. Raises ``ValueError`` on numbers that are no path.
+    """
+    if not (np.isfinite(position_m).all() and np.isfinite(time_s).all()):
+        raise ValueError("not all finite")
+    if len(time_s) < FEWEST_SAMPLES or not np.all(np.diff(time_s) > 0.0):
+        raise ValueError(f"not {FEWEST_SAMPLES} samples or more at rising times")
+    period_s = float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
+    window = max(5, round(SMOOTHING_S / period_s) | 1)
+    if window > len(time_s):
+        raise ValueError("shorter than it takes to tell a speed")
+    velocity_m_s = savgol_filter(position_m, window, 2, deriv=1, delta=period_s, axis=0)
+    still = np.linalg.norm(velocity_m_s, axis=1) < STILL_M_S
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], still.astype(np.int8), [0]))))
+    begins, ends = edges[0::2], edges[1::2]
+    long_enough = ends - begins >= int(SHORTEST_STANCE_S / period_s)
+    middles = ((begins + ends) // 2)[long_enough]
+    stances = middles[_apart(position_m[middles, :2])]
+    return Truth(time_s[stances], position_m[stances, :2], Height(time_s, position_m[:, 2]))
+
+
+def _apart(position_m: Array) -> list[int]:
+    """Return the rows of ``position_m`` that are not at the place of the row kept before."""
+    kept: list[int] = []
+    for row, position in enumerate(position_m):
+        if not kept or np.linalg.norm(position - position_m[kept[-1]]) > SAME_PLACE_M:
+            kept.append(row)
+    return kept

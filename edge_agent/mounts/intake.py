@@ -1,0 +1,55 @@
+"""What a mount lets in: samples that are numbers, and later than the last."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from edge_agent.mounts.interface import Faults
+from shared.clock import NS_PER_S
+from shared.messages import ImuSample
+
+LARGEST_READING = 1e5
+"""In SI units: no sensor reads more (the bound of the wire as well)."""
+
+RESTART_AFTER = 100
+"""This many samples running that go back in time: the source's clock was set back."""
+
+
+class Verdict(Enum):
+    """What to do with a sample: take it, pass it over, or take it as the first of a new time."""
+
+    TAKE = auto()
+    PASS = auto()
+    RESTART = auto()
+
+
+class Intake:
+    """Judges samples in turn, and counts what is wrong with them in ``faults``."""
+
+    def __init__(self, faults: Faults, gap_s: float) -> None:
+        self._faults = faults
+        self._gap_ns = round(gap_s * NS_PER_S)
+        self._newest_ns: int | None = None
+        self._backward = 0
+
+    def judge(self, sample: ImuSample) -> Verdict:
+        """Return what to do with ``sample``."""
+        for reading in (*sample.force_m_s2, *sample.rate_rad_s):
+            if not -LARGEST_READING <= reading <= LARGEST_READING:
+                self._faults.unusable += 1
+                return Verdict.PASS
+        newest_ns = self._newest_ns
+        if newest_ns is None or sample.time_ns > newest_ns:
+            if newest_ns is not None and sample.time_ns - newest_ns > self._gap_ns:
+                self._faults.gaps += 1
+            verdict = Verdict.TAKE
+        else:
+            self._faults.out_of_order += 1
+            self._backward += 1
+            if self._backward < RESTART_AFTER:
+                return Verdict.PASS
+            self._faults.restarts += 1
+            verdict = Verdict.RESTART
+        self._backward = 0
+        self._newest_ns = sample.time_ns
+        return verdict

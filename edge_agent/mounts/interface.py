@@ -1,0 +1,65 @@
+"""What every mount does: inertial samples in, odometry increments out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from edge_agent.inertial.linear_zupt import PathPoint
+from edge_agent.inertial.stride_error import Covariance4
+from shared.maths.rotations import Vector3
+from shared.messages import ImuSample
+
+
+class Increment(NamedTuple):
+    """Movement between two moments, in the agent's own level frame.
+
+    ``displacement_m`` is north, east, down, from ``start_time_ns`` to ``end_time_ns``; before the
+    start, and until the next increment starts, the wearer stands. ``heading_rad`` is how they face
+    at the end, ``d_heading_rad`` how far they turned since the last increment's end, standing
+    included. ``path`` is the way between, point by point from the start, for whoever scores it;
+    empty where the displacement is not known.
+    """
+
+    start_time_ns: int
+    end_time_ns: int
+    displacement_m: Vector3
+    d_heading_rad: float
+    heading_rad: float
+    covariance: Covariance4
+    path: tuple[PathPoint, ...]
+
+
+@dataclass
+class Faults:
+    """Samples that were not as they should be, counted since the mount was made."""
+
+    unusable: int = 0
+    out_of_order: int = 0
+    gaps: int = 0
+    restarts: int = 0
+
+
+class Mount(Protocol):
+    """A way to wear the sensor, and a method to read it. Plain state: a copy resumes alike."""
+
+    faults: Faults
+
+    @property
+    def ready(self) -> bool:
+        """Whether the sensor has been still once, so that the wearer may set out."""
+
+    @property
+    def heading_rad(self) -> float:
+        """How the wearer faces, in the agent's level frame."""
+
+    @property
+    def heading_sd_rad(self) -> float:
+        """How well the heading was known as the wearer set out."""
+
+    def step(self, sample: ImuSample) -> Increment | None:
+        """Take in the next sample; return the movement that it completes, if it does.
+
+        Never raises: a sample that is not finite, or not later than the last, is counted in
+        ``faults`` and passed over.
+        """

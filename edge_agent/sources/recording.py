@@ -1,0 +1,60 @@
+"""A recording as a source of samples, and what is said of one that cannot be used."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.messages import ImuSample, Vector3
+
+Array: TypeAlias = NDArray[np.float64]
+
+MICROTESLA_PER_GAUSS = 100.0
+
+LARGEST_TIME_S = 9e9
+"""Nanoseconds of more do not fit into 64 bits."""
+
+
+class SourceError(ValueError):
+    """A recording cannot be used. The text names the file, what is wrong, and what to do."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """``n`` samples in the order of the file, as arrays in SI; iterates as ``ImuSample``.
+
+    ``time_ns`` (n,), ``force_m_s2``, ``rate_rad_s`` and ``field_ut`` (n, 3), the last ``None``
+    without a magnetometer; all in the sensor's own axes.
+    """
+
+    time_ns: NDArray[np.int64]
+    force_m_s2: Array
+    rate_rad_s: Array
+    field_ut: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    def __iter__(self) -> Iterator[ImuSample]:
+        readings = zip(
+            self.time_ns.tolist(),
+            map(tuple, self.force_m_s2.tolist()),
+            map(tuple, self.rate_rad_s.tolist()),
+            self._fields(),
+            strict=True,
+        )
+        return (ImuSample(*reading) for reading in readings)
+
+    def _fields(self) -> Iterable[Vector3 | None]:
+        """Return the field at each sample: a magnetometer may be slower, and read NaN between."""
+        if self.field_ut is None:
+            return itertools.repeat(None, len(self))
+        return (
+            (x, y, z) if math.isfinite(x + y + z) else None for x, y, z in self.field_ut.tolist()
+        )

@@ -1,0 +1,88 @@
+"""What there is to score a mount on: files, folders of them, and simulated exercises."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from edge_agent.evaluation.truth import Truth, truth_of_stances
+from edge_agent.sources.npz_set import read_npz_set
+from edge_agent.sources.recording import SourceError
+from edge_agent.sources.vendor_csv import read_vendor_csv
+from shared.messages import ImuSample
+from shared.simulation.boot_imu import simulate_boot_imu
+from shared.simulation.scenario import Scenario, load_scenario
+from shared.simulation.walker import simulate_walk
+
+SIMULATED = "simulated:"
+
+
+class TrialData(NamedTuple):
+    """Samples in order, how many they are, and where the boot really was, if that is known."""
+
+    samples: Iterable[ImuSample]
+    sample_count: int
+    truth: Truth | None
+
+
+class Trial(NamedTuple):
+    """One recording or simulated walk. ``load`` raises ``SourceError`` if it cannot be used."""
+
+    name: str
+    group: str
+    load: Callable[[], TrialData]
+
+
+def find_trials(where: str, seed: int) -> list[Trial]:
+    """Return the trials that ``where`` names, sorted by path.
+
+    A file (``.npz`` or ``.csv``), a folder (all such files in it and below), or
+    ``simulated:SCENARIO`` (each of its responders, walking as by ``seed``). A recording's group is
+    its folder. Raises ``SourceError`` if there is nothing there, ``ConfigError`` for a scenario
+    that cannot be used.
+    """
+    if where.startswith(SIMULATED):
+        name = where.removeprefix(SIMULATED)
+        scenario = load_scenario(name)
+        group = f"simulated/{Path(name).stem}"
+        return [
+            Trial(f"{responder}/seed_{seed}", group, partial(_simulate, scenario, responder, seed))
+            for responder in sorted(scenario.responders)
+        ]
+    path = Path(where)
+    if not path.exists():
+        raise SourceError(
+            f"{where}: no such file; give a recording, a folder, or {SIMULATED}course"
+        )
+    files = sorted(path.rglob("*")) if path.is_dir() else [path]
+    trials = [
+        Trial(file.stem, file.resolve().parent.name, partial(reader, file))
+        for file in files
+        if (reader := _reader(file)) is not None
+    ]
+    if not trials:
+        raise SourceError(f"{where}: no .npz and no .csv recording there; give one")
+    return trials
+
+
+def _reader(path: Path) -> Callable[[Path], TrialData] | None:
+    return {".npz": _read_npz, ".csv": _read_csv}.get(path.suffix.lower())
+
+
+def _read_npz(path: Path) -> TrialData:
+    recording, truth = read_npz_set(path)
+    return TrialData(recording, len(recording), truth)
+
+
+def _read_csv(path: Path) -> TrialData:
+    recording = read_vendor_csv(path)
+    return TrialData(recording, len(recording), None)
+
+
+def _simulate(scenario: Scenario, responder: str, seed: int) -> TrialData:
+    read = simulate_boot_imu(scenario, responder, seed)
+    walk = simulate_walk(scenario, responder, seed)
+    truth = truth_of_stances(walk.stance_time_s, walk.stance_position_m)
+    return TrialData(read.samples(0), len(read.time_s), truth)

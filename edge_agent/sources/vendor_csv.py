@@ -1,0 +1,283 @@
+"""CSV files as sensor makers' programs export them, told by their headers.
+
+A header names a sensor, an axis and, mostly, a unit: ``Gyroscope X (deg/s)`` (x-io), ``Acc_X``
+(Xsens), ``acc_x_m_s2``. Columns that are none of these are passed over. Where the header is silent
+about the unit, the values tell it: gravity and the earth's field have one size, and no boot turns
+at 40 rad/s.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from edge_agent.sources.recording import (
+    LARGEST_TIME_S,
+    MICROTESLA_PER_GAUSS,
+    Array,
+    Recording,
+    SourceError,
+)
+from edge_agent.sources.time_stamps import repaired
+from shared.clock import NS_PER_S
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+FASTEST_BOOT_RAD_S = 40.0
+"""2300 °/s: beyond the range of the sensors worn on boots."""
+
+RATES_HZ = (20.0, 1999.0)
+"""What an inertial sensor samples at."""
+
+EARTH_FIELD_UT = (15.0, 100.0)
+HEADER_WITHIN_LINES = 30
+
+_SENSOR_NAMES = {
+    "force": ("accelerometer", "acceleration", "accel", "acc", "force"),
+    "rate": ("gyroscope", "gyro", "gyr", "angular rate", "angular velocity", "rate"),
+    "field": ("magnetometer", "magnetic field", "mag", "field"),
+    "time": ("sampletimefine", "timestamp", "time", "t"),
+}
+_UNITS: Mapping[str, Mapping[str, float]] = {
+    "force": {"m/s2": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 / 1e3},
+    "rate": {"rad/s": 1.0, "deg/s": np.pi / 180.0, "dps": np.pi / 180.0, "mdps": np.pi / 180e3},
+    "field": {
+        "ut": 1.0,
+        "gauss": MICROTESLA_PER_GAUSS,
+        "g": MICROTESLA_PER_GAUSS,
+        "mgauss": MICROTESLA_PER_GAUSS / 1e3,
+        "mg": MICROTESLA_PER_GAUSS / 1e3,
+        "nt": 1e-3,
+        "t": 1e6,
+    },
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+}
+_SAMPLE_TIME_FINE_S = (1e-4, 1e-6)
+"""Ticks of Xsens' two kinds of counter: 10 kHz in the MT family, 1 MHz in the DOT."""
+
+_EXPECTED = (
+    "a time ('Time (s)', 'Timestamp (us)', 'SampleTimeFine' …) and x, y, z of an accelerometer "
+    "('Accelerometer X (g)', 'Acc_X' …) and of a gyroscope ('Gyroscope X (deg/s)', 'Gyr_X' …)"
+)
+
+
+class _Column(NamedTuple):
+    """Where a reading stands in a row, what its header says, and the unit if that is in it."""
+
+    place: int
+    header: str
+    unit: str | None
+
+
+class _Table(NamedTuple):
+    """The columns by what they are (``time``, ``force x`` …), and all numbers (n, columns)."""
+
+    columns: dict[str, _Column]
+    values: Array
+
+    def axes(self, sensor: str) -> Array:
+        """Return the readings (n, 3) of a sensor, in the file's unit."""
+        return self.values[:, [self.columns[f"{sensor} {axis}"].place for axis in "xyz"]]
+
+    def scale(self, sensor: str) -> float | None:
+        """Return the SI value of the file's unit for a sensor; ``None`` if no header tells it."""
+        unit = self.columns["time" if sensor == "time" else f"{sensor} x"].unit
+        return None if unit is None else _UNITS[sensor][unit]
+
+
+def read_vendor_csv(path: Path) -> Recording:
+    """Return the recording in ``path``.
+
+    Rows sent twice are dropped and bursts of one stamp spread (see ``time_stamps``). Raises
+    ``SourceError`` for a file that is not such a table: naming the columns found and those
+    needed, or the line that is malformed.
+    """
+    table = _read(path)
+    force_m_s2 = _force_m_s2(path, table)
+    rate_rad_s = _rate_rad_s(table)
+    field_ut = _field_ut(table)
+    rows, time_s = repaired(_time_s(path, table), np.hstack((force_m_s2, rate_rad_s)))
+    return Recording(
+        np.round(time_s * NS_PER_S).astype(np.int64),
+        force_m_s2[rows],
+        rate_rad_s[rows],
+        None if field_ut is None else field_ut[rows],
+    )
+
+
+def _read(path: Path) -> _Table:
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise SourceError(f"{path}: cannot be read ({error.strerror}); give another") from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # Older Windows programs write ° and µ in their own code page.
+        text = raw.decode("cp1252", errors="replace")
+    lines = text.splitlines()
+    at, delimiter = _find_header(path, lines)
+    header = _cells(lines[at], delimiter)
+    columns = _columns(path, header)
+    rows = [
+        _numbers(path, number, _cells(line, delimiter), header, columns)
+        for number, line in enumerate(lines[at + 1 :], at + 2)
+        if line.strip()
+    ]
+    if len(rows) < 2:
+        raise SourceError(f"{path}: {len(rows)} rows below the header; record longer")
+    return _Table(columns, np.array(rows))
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return [cell.strip(' "') for cell in line.split(delimiter)]
+
+
+def _find_header(path: Path, lines: list[str]) -> tuple[int, str]:
+    """Return the header's place and its delimiter; exports may begin with remarks."""
+    for at, line in enumerate(lines[:HEADER_WITHIN_LINES]):
+        delimiter = max(",;\t", key=line.count)
+        meanings = [_meaning(cell) for cell in _cells(line, delimiter)]
+        if any(meaning is not None and meaning[0] != "time" for meaning in meanings):
+            return at, delimiter
+    found = repr(lines[0][:200]) if lines else "nothing"
+    raise SourceError(f"{path}: no header with inertial columns; found {found}, need {_EXPECTED}")
+
+
+def _meaning(header: str) -> tuple[str, str | None] | None:
+    """Return what a header names (``time``, ``force x`` …) and its unit; ``None`` if neither."""
+    name, _, bracketed = header.lower().partition("(" if "(" in header else "[")
+    words = re.split(r"[\s_.-]+", name.strip())
+    unit = re.sub(r"[)\]\s^]", "", bracketed)
+    for sensor, names in _SENSOR_NAMES.items():
+        for count in range(len(words), 0, -1):
+            if " ".join(words[:count]) in names:
+                return _with_axis(sensor, words[count:], unit)
+    return None
+
+
+def _with_axis(sensor: str, words: list[str], unit: str) -> tuple[str, str | None] | None:
+    """Return what a header means whose words after the sensor's name are ``words``."""
+    if sensor != "time":
+        if not words or words[0] not in {"x", "y", "z"}:
+            return None
+        sensor, words = f"{sensor} {words[0]}", words[1:]
+    unit = unit or "/".join(words)
+    for written, meant in (("²", "2"), ("°", "deg"), ("µ", "u"), ("μ", "u"), ("sec", "s")):
+        unit = unit.replace(written, meant)
+    return sensor, unit or None
+
+
+def _columns(path: Path, header: list[str]) -> dict[str, _Column]:
+    columns: dict[str, _Column] = {}
+    for place, text in enumerate(header):
+        meaning = _meaning(text)
+        if meaning is None or meaning[0] in columns:
+            continue
+        what, unit = meaning
+        known = _UNITS[what.partition(" ")[0]]
+        if unit is not None and unit not in known:
+            raise SourceError(
+                f"{path}: column {text!r}: unknown unit; write one of {', '.join(known)}"
+            )
+        columns[what] = _Column(place, text, unit)
+    needed = ["time", *(f"{sensor} {axis}" for sensor in ("force", "rate") for axis in "xyz")]
+    if missing := [what for what in needed if what not in columns]:
+        raise SourceError(
+            f"{path}: no column for {', '.join(missing)}; found {', '.join(header)}; "
+            f"need {_EXPECTED}"
+        )
+    return columns
+
+
+def _numbers(
+    path: Path, number: int, cells: list[str], header: list[str], columns: dict[str, _Column]
+) -> list[float]:
+    """Return a row as numbers, NaN in columns that are not wanted or have no reading."""
+    if len(cells) != len(header):
+        raise SourceError(
+            f"{path}, line {number}: {len(cells)} cells where the header has {len(header)}; "
+            "correct or remove the line"
+        )
+    row = [math.nan] * len(cells)
+    for what, column in columns.items():
+        cell = cells[column.place]
+        if not cell and what.startswith("field"):
+            continue
+        try:
+            row[column.place] = float(cell)
+        except ValueError:
+            raise SourceError(
+                f"{path}, line {number}: {column.header} is {cell!r}, not a number; "
+                "correct or remove the line"
+            ) from None
+    return row
+
+
+def _time_s(path: Path, table: _Table) -> Array:
+    column = table.columns["time"]
+    stamps = table.values[:, column.place]
+    if not np.isfinite(stamps).all():
+        raise SourceError(f"{path}: {column.header} is not finite in every row; export it again")
+    scale = table.scale("time")
+    per_row = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
+    if scale is None:
+        fine = column.header.lower().startswith("sampletimefine")
+        for scale in _SAMPLE_TIME_FINE_S if fine else _UNITS["time"].values():
+            if RATES_HZ[0] <= 1.0 / max(per_row * scale, 1e-12) <= RATES_HZ[1]:
+                break
+        else:
+            raise SourceError(
+                f"{path}: {column.header} advances by {per_row:g} a row, which in no unit is a "
+                f"rate of {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz; name its unit, as in 'Time (s)'"
+            )
+    time_s = stamps * scale
+    if not per_row > 0.0 or np.abs(time_s).max() > LARGEST_TIME_S:
+        raise SourceError(f"{path}: {column.header} does not advance in {scale:g} s; correct it")
+    return time_s
+
+
+def _force_m_s2(path: Path, table: _Table) -> Array:
+    """Return specific force, which whatever its unit must have gravity in it."""
+    readings = table.axes("force")
+    median = float(np.nanmedian(np.linalg.norm(readings, axis=1)))
+    told = table.scale("force")
+    for scale in _UNITS["force"].values() if told is None else (told,):
+        if 0.5 <= median * scale / STANDARD_GRAVITY_M_S2 <= 2.0:
+            return readings * scale
+    raise SourceError(
+        f"{path}: the accelerometer mostly reads {median:g}, which is not gravity in "
+        f"{table.columns['force x'].unit or 'any known unit'}; correct the unit in the header"
+    )
+
+
+def _rate_rad_s(table: _Table) -> Array:
+    readings = table.axes("rate")
+    scale = table.scale("rate")
+    if scale is None:
+        degrees = np.nanmax(np.abs(readings)) > FASTEST_BOOT_RAD_S
+        scale = _UNITS["rate"]["deg/s" if degrees else "rad/s"]
+    return readings * scale
+
+
+def _field_ut(table: _Table) -> Array | None:
+    """Return the magnetic field; ``None`` without one, or if its unit cannot be told."""
+    if not all(f"field {axis}" in table.columns for axis in "xyz"):
+        return None
+    readings = table.axes("field")
+    told = table.scale("field")
+    if told is not None:
+        return readings * told
+    lengths = np.linalg.norm(readings, axis=1)
+    if not np.isfinite(lengths).any():
+        return None
+    median = float(np.nanmedian(lengths))
+    for unit in ("ut", "gauss", "mgauss", "nt"):
+        scale = _UNITS["field"][unit]
+        if EARTH_FIELD_UT[0] <= median * scale <= EARTH_FIELD_UT[1]:
+            return readings * scale
+    return None
