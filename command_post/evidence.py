@@ -1,0 +1,174 @@
+"""What there is to score a run by: messages of a recording, sorted into tracks (pure)."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.clock import NS_PER_S
+from shared.messages import (
+    DapEstimate,
+    DapInstallation,
+    LocalPosition,
+    Message,
+    OdometryIncrement,
+    TrackEstimate,
+    TrackStart,
+    Truth,
+)
+from shared.topics import Key
+
+Floats: TypeAlias = NDArray[np.float64]
+
+Method: TypeAlias = Literal["pdr", "live"]
+_Mark: TypeAlias = tuple[int, int]
+"""Event time and number of a message, which tell it from the others of its sender and kind."""
+
+
+class Track(NamedTuple):
+    """Places in the order of time: ``time_s`` (n ≥ 1,), ``position_m`` (n, 3: north, east, down).
+
+    ``covariance_m2`` (n, 3: nn, ne, ee) where there is one.
+    """
+
+    time_s: Floats
+    position_m: Floats
+    covariance_m2: Floats | None = None
+
+    def at(self, time_s: Floats) -> Track:
+        """Return the track at other times (m,): straight lines between, at rest beyond the ends."""
+        covariance_m2 = self.covariance_m2
+        return Track(
+            time_s,
+            _columns_at(time_s, self.time_s, self.position_m),
+            None if covariance_m2 is None else _columns_at(time_s, self.time_s, covariance_m2),
+        )
+
+
+class Evidence:
+    """Collects messages, in any order and any number of times each, and makes tracks of them."""
+
+    def __init__(self) -> None:
+        self._starts: defaultdict[str, dict[_Mark, TrackStart]] = defaultdict(dict)
+        self._increments: defaultdict[str, dict[_Mark, OdometryIncrement]] = defaultdict(dict)
+        self._estimates: defaultdict[str, dict[_Mark, TrackEstimate]] = defaultdict(dict)
+        self._responder_truth: defaultdict[str, dict[_Mark, Truth]] = defaultdict(dict)
+        self._dap_truth: defaultdict[str, dict[_Mark, Truth]] = defaultdict(dict)
+        self._dap_estimates: defaultdict[str, dict[_Mark, DapEstimate]] = defaultdict(dict)
+        self._installations: defaultdict[str, dict[_Mark, DapInstallation]] = defaultdict(dict)
+
+    def add(self, key: Key, message: Message) -> None:
+        """Take in a message that was heard or published under ``key``; others are passed over."""
+        mark = (message.event_time_ns, message.sequence)
+        match message:
+            case TrackStart():
+                self._starts[key.node_id][mark] = message
+            case OdometryIncrement():
+                self._increments[key.node_id][mark] = message
+            case TrackEstimate():
+                self._estimates[message.responder_id][mark] = message
+            case DapEstimate():
+                self._dap_estimates[message.dap_id][mark] = message
+            case DapInstallation():
+                self._installations[key.node_id][mark] = message
+            case Truth():
+                truth = self._dap_truth if key.role == "dap" else self._responder_truth
+                truth[key.node_id][mark] = message
+
+    def tracks(self, method: Method) -> dict[str, Track]:
+        """Return each responder's track by id, in the order of the ids.
+
+        ``live`` is what the post said of each moment at last; ``pdr`` sums the increments up from
+        the newest start before them, unturned. A responder without a start has no such track.
+        """
+        if method == "live":
+            return {name: _live_track(said) for name, said in sorted(self._estimates.items())}
+        return {name: self._dead_reckoning(name) for name in sorted(self._starts)}
+
+    def responders(self) -> list[str]:
+        """Return the ids of all responders of whom there is a track or a truth."""
+        return sorted(self._starts.keys() | self._estimates.keys() | self._responder_truth.keys())
+
+    def truth(self, responder_id: str) -> Track | None:
+        """Return where a responder really was, if that is known."""
+        said = self._responder_truth.get(responder_id)
+        if not said:
+            return None
+        rows = {mark[0]: (t.north_m, t.east_m, t.down_m) for mark, t in sorted(said.items())}
+        return Track(_seconds(rows), np.array(list(rows.values())))
+
+    def dap_estimates_m(self) -> dict[str, Floats]:
+        """Return where each DAP was held to stand at last (3,), by id."""
+        newest = {name: said[max(said)].position for name, said in self._dap_estimates.items()}
+        return {name: _vector(newest[name]) for name in sorted(newest)}
+
+    def dap_truths_m(self) -> dict[str, Floats]:
+        """Return where each DAP really stood at last (3,), by id."""
+        newest = {name: said[max(said)] for name, said in self._dap_truth.items()}
+        return {name: _vector(newest[name]) for name in sorted(newest)}
+
+    def dap_errors_m(self) -> dict[str, float]:
+        """Return the horizontal errors of the DAPs that somebody set down, by id.
+
+        One at a known point, that nobody carried there, says nothing of the tracking.
+        """
+        truths = self.dap_truths_m()
+        return {
+            name: float(np.hypot(*(place_m - truths[name])[:2]))
+            for name, place_m in self.dap_estimates_m().items()
+            if name in truths and not self._stood_there(name)
+        }
+
+    def first_dap_m(self) -> Floats:
+        """Return the true north and east (2,) of the DAP installed first, else of the origin."""
+        truths = self.dap_truths_m()
+        installed = [
+            (min(said), name) for name, said in self._installations.items() if name in truths
+        ]
+        return truths[min(installed)[1]][:2] if installed else np.zeros(2)
+
+    def _stood_there(self, dap_id: str) -> bool:
+        said = self._installations.get(dap_id, {})
+        return bool(said) and said[max(said)].installer_id is None
+
+    def _dead_reckoning(self, responder_id: str) -> Track:
+        starts = sorted(self._starts[responder_id].items())
+        moves = sorted(self._increments.get(responder_id, {}).items())
+        next_ns = [mark[0] for mark, _ in starts[1:]]
+        rows: dict[int, Floats] = {}
+        for (mark, start), end_ns in zip(starts, [*next_ns, math.inf], strict=True):
+            place_m = _vector(start.position)
+            rows[mark[0]] = place_m
+            for (time_ns, _), move in moves:
+                if mark[0] < time_ns <= end_ns:
+                    place_m = place_m + _step(move)
+                    rows[time_ns] = place_m
+        return Track(_seconds(rows), np.array(list(rows.values())))
+
+
+def _live_track(said: dict[_Mark, TrackEstimate]) -> Track:
+    newest = {mark[0]: estimate for mark, estimate in sorted(said.items())}
+    covariance_m2 = np.array([estimate.covariance_m2 for estimate in newest.values()])
+    return Track(_seconds(newest), np.array([_vector(e) for e in newest.values()]), covariance_m2)
+
+
+def _vector(place: LocalPosition | Truth | TrackEstimate) -> Floats:
+    return np.array([place.north_m, place.east_m, place.down_m])
+
+
+def _step(move: OdometryIncrement) -> Floats:
+    return np.array([move.d_north_m, move.d_east_m, move.d_down_m])
+
+
+def _seconds(times_ns: Iterable[int]) -> Floats:
+    return np.array([time_ns / NS_PER_S for time_ns in times_ns])
+
+
+def _columns_at(time_s: Floats, known_s: Floats, columns: Floats) -> Floats:
+    """Interpolate each column of (n, k) linearly, from times (n,) to (m,): (m, k)."""
+    return np.stack([np.interp(time_s, known_s, column) for column in columns.T], axis=1)

@@ -1,0 +1,119 @@
+"""One order for what many nodes say: events are held back a little, then released by their time.
+
+Nothing here runs on its own: time is what the caller says it is, so the same arrivals release the
+same events in the same order.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter, deque
+from itertools import count
+from typing import Annotated, NamedTuple
+
+import msgspec
+from msgspec import Meta
+
+from shared.clock import NS_PER_S
+from shared.messages import Message
+from shared.topics import Key
+
+REMEMBERED_PER_KEY = 512
+
+
+class TimeLineSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How long an event waits for earlier ones, and how many may wait at once."""
+
+    hold_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 1.5
+    capacity: Annotated[int, Meta(ge=1, le=10_000_000)] = 100_000
+
+
+class Event(NamedTuple):
+    """A message with the key it came under."""
+
+    key: Key
+    message: Message
+
+
+class _Waiting(NamedTuple):
+    """Orders events by when they are due, then canonically: event time, key, number.
+
+    ``arrival`` decides between two of which neither is known to repeat the other.
+    """
+
+    due_ns: int
+    event_time_ns: int
+    key_text: str
+    sequence: int
+    arrival: int
+    event: Event
+
+
+class TimeLine:
+    """Holds events back for ``hold_s`` after their time, and releases them in canonical order.
+
+    An event is due ``hold_s`` after its own time, whenever it came, so that all that come in time
+    leave in one order: by event time, key and number. One that comes after it was due is *late*:
+    it is released at once. The time of a node whose clock is far ahead is not waited for: such an
+    event is due two holds after it came.
+
+    ``counts``: ``late``, ``repeated`` (same key, number and event time among the last 512 of its
+    key: dropped) and ``crowded_out`` (released early because ``capacity`` events were waiting).
+    """
+
+    def __init__(self, settings: TimeLineSettings) -> None:
+        self._hold_ns = round(settings.hold_s * NS_PER_S)
+        self._capacity = settings.capacity
+        self._waiting: list[_Waiting] = []
+        self._remembered: dict[Key, _Remembered] = {}
+        self._arrivals = count()
+        self.counts: Counter[str] = Counter()
+
+    def put(self, event: Event, now_ns: int) -> None:
+        """Take ``event`` in, received at ``now_ns``; drop it if it was here before."""
+        key, message = event
+        remembered = self._remembered.setdefault(key, _Remembered())
+        if not remembered.is_new(message):
+            self.counts["repeated"] += 1
+            return
+        due_ns = min(message.event_time_ns, now_ns + self._hold_ns) + self._hold_ns
+        self.counts["late"] += due_ns <= now_ns
+        order = (due_ns, message.event_time_ns, str(key), message.sequence, next(self._arrivals))
+        heapq.heappush(self._waiting, _Waiting(*order, event))
+
+    def release(self, now_ns: int) -> list[Event]:
+        """Return what is due at ``now_ns``, in order."""
+        released = []
+        while self._waiting and (
+            self._waiting[0].due_ns <= now_ns or len(self._waiting) > self._capacity
+        ):
+            first = heapq.heappop(self._waiting)
+            self.counts["crowded_out"] += first.due_ns > now_ns
+            released.append(first.event)
+        return released
+
+    def release_all(self) -> list[Event]:
+        """Return everything that waits, in order."""
+        return [heapq.heappop(self._waiting).event for _ in range(len(self._waiting))]
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+
+class _Remembered:
+    """The last messages of one key, by number and time: a sender that restarts counts from 0."""
+
+    def __init__(self) -> None:
+        self._order: deque[tuple[int, int]] = deque()
+        self._known: set[tuple[int, int]] = set()
+
+    def is_new(self, message: Message) -> bool:
+        """Say whether ``message`` is not among them, and remember it."""
+        mark = (message.sequence, message.event_time_ns)
+        if mark in self._known:
+            return False
+        if len(self._order) == REMEMBERED_PER_KEY:
+            self._known.discard(self._order.popleft())
+        self._order.append(mark)
+        self._known.add(mark)
+        return True

@@ -1,0 +1,183 @@
+"""One responder's track: a cloud of particles that strides move and DAPs tie down."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from command_post.fusion.particle_filter import (
+    effective_count,
+    moments,
+    predict,
+    resample,
+    spread,
+    update,
+)
+from command_post.fusion.settings import FusionSettings
+from shared.maths.angles import wrap_rad
+from shared.messages import LocalPosition, OdometryIncrement, TrackStart
+
+REMEMBERED = 4096
+"""Estimates and increments kept of a track: over an hour of strides."""
+
+MOST_COORDINATE_M = 1e6
+MOST_COVARIANCE_M2 = 1e12
+
+
+class Estimate(NamedTuple):
+    """Where a responder is held to be at ``time_ns``: what a ``TrackEstimate`` says of it.
+
+    ``covariance_m2`` is horizontal (nn, ne, ee).
+    """
+
+    time_ns: int
+    north_m: float
+    east_m: float
+    down_m: float
+    covariance_m2: tuple[float, float, float]
+    heading_rad: float
+    heading_sd_rad: float
+    last_proximity_time_ns: int | None
+
+    @property
+    def position(self) -> LocalPosition:
+        """The same place, as messages carry it."""
+        return LocalPosition(
+            north_m=self.north_m,
+            east_m=self.east_m,
+            down_m=self.down_m,
+            covariance_m2=self.covariance_m2,
+        )
+
+
+class Track:
+    """A particle filter fed with one responder's strides and proximities, in the order of time.
+
+    ``start`` is the responder's own, or ``None`` for one who is heard without. The heading offset
+    of the agent's frame is in the particles; height is the sum of the increments' heights.
+    """
+
+    def __init__(
+        self,
+        responder_id: str,
+        start: TrackStart | None,
+        time_ns: int,
+        settings: FusionSettings,
+    ) -> None:
+        self._settings = settings
+        self._generator = _generator(settings.seed, responder_id)
+        position = _unknown_start(settings) if start is None else start.position
+        self._particles = spread(
+            position,
+            math.pi if start is None else start.heading_sd_rad,
+            settings.start_drift_sd_rad,
+            settings.particles,
+            self._generator,
+        )
+        self.started_ns = None if start is None else start.event_time_ns
+        self._time_ns = time_ns
+        self._down_m = position.down_m
+        self._agent_heading_rad: float | None = None
+        self._last_proximity_ns: int | None = None
+        self._sequence: int | None = None
+        self._walked_m = 0.0
+        self._tied_at_m: dict[str, float] = {}
+        self.increments: deque[OdometryIncrement] = deque(maxlen=REMEMBERED)
+        self._estimates: deque[Estimate] = deque(maxlen=REMEMBERED)
+        self._remember()
+
+    @property
+    def estimate(self) -> Estimate:
+        """The newest estimate."""
+        return self._estimates[-1]
+
+    def estimate_at(self, time_ns: int) -> Estimate:
+        """Return the last estimate not after ``time_ns``, or the oldest still remembered."""
+        found = bisect_right(self._estimates, time_ns, key=lambda estimate: estimate.time_ns)
+        return self._estimates[max(found - 1, 0)]
+
+    def move(self, increment: OdometryIncrement) -> int:
+        """Move by ``increment``; return how many were lost just before it.
+
+        One that comes late moves the track all the same, for strides add up; what is newest is
+        told by its number, so that a clock that was set back is followed.
+        """
+        newest = self._sequence is None or increment.sequence > self._sequence
+        lost = 0 if self._sequence is None else max(increment.sequence - self._sequence - 1, 0)
+        self._particles = predict(
+            self._particles, increment, lost, self._settings.motion, self._generator
+        )
+        if newest:
+            self._sequence = increment.sequence
+            self._agent_heading_rad = increment.heading_rad
+            self._time_ns = increment.event_time_ns
+        self._down_m += increment.d_down_m
+        self._walked_m += math.hypot(increment.d_north_m, increment.d_east_m)
+        self.increments.append(increment)
+        self._remember()
+        return lost
+
+    def tie(self, dap_id: str, dap: LocalPosition, time_ns: int) -> bool:
+        """Weigh in that the responder was near ``dap`` at ``time_ns``.
+
+        ``False`` if that contradicts every particle, which are then kept as they are.
+        """
+        model = self._settings.proximity
+        moved_m = self._walked_m - self._tied_at_m.get(dap_id, -math.inf)
+        if moved_m >= model.again_after_m:
+            north, east = self._particles.state[:2]
+            likelihood = model.log_likelihood(north, east, dap.north_m, dap.east_m)
+            weighted = update(self._particles, likelihood)
+            if weighted is None:
+                return False
+            if effective_count(weighted) <= self._settings.resample_below * north.size:
+                weighted = resample(weighted, self._settings.scheme, self._generator)
+            self._particles = weighted
+            self._tied_at_m[dap_id] = self._walked_m
+        self._time_ns = max(self._time_ns, time_ns)
+        self._last_proximity_ns = max(time_ns, self._last_proximity_ns or 0)
+        self._remember()
+        return True
+
+    def _remember(self) -> None:
+        while self._estimates and self._estimates[-1].time_ns > self._time_ns:
+            self._estimates.pop()
+        cloud = moments(self._particles)
+        agent_heading_rad = self._agent_heading_rad
+        nn, ne, ee = cloud.covariance_m2
+        self._estimates.append(
+            Estimate(
+                time_ns=self._time_ns,
+                north_m=_within(cloud.north_m, MOST_COORDINATE_M),
+                east_m=_within(cloud.east_m, MOST_COORDINATE_M),
+                down_m=_within(self._down_m, MOST_COORDINATE_M),
+                covariance_m2=(
+                    _within(nn, MOST_COVARIANCE_M2),
+                    _within(ne, MOST_COVARIANCE_M2),
+                    _within(ee, MOST_COVARIANCE_M2),
+                ),
+                heading_rad=wrap_rad((agent_heading_rad or 0.0) + cloud.heading_error_rad),
+                heading_sd_rad=math.pi if agent_heading_rad is None else cloud.heading_sd_rad,
+                last_proximity_time_ns=self._last_proximity_ns,
+            )
+        )
+
+
+def _generator(seed: int, responder_id: str) -> np.random.Generator:
+    """Return the random numbers of one responder, which nobody else's messages can shift."""
+    words = np.random.SeedSequence([seed, *responder_id.encode()])
+    return np.random.Generator(np.random.Philox(words))
+
+
+def _unknown_start(settings: FusionSettings) -> LocalPosition:
+    variance_m2 = settings.unknown_start_sd_m**2
+    covariance_m2 = (variance_m2, 0.0, variance_m2)
+    return LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=covariance_m2)
+
+
+def _within(value: float, bound: float) -> float:
+    return min(max(value, -bound), bound)

@@ -1,0 +1,107 @@
+"""All tracks and the map: each event in, what it changed out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from command_post.fusion.dap_map import DapMap, InstalledDap
+from command_post.fusion.settings import FusionSettings
+from command_post.fusion.track import Estimate, Track
+from shared.messages import (
+    DapInstallation,
+    LocalPosition,
+    OdometryIncrement,
+    ProximityEvent,
+    TrackStart,
+)
+
+
+class Tracker:
+    """Tracks every responder with a particle filter of their own, on one map of DAPs.
+
+    Events are to come in the order of their time; one that comes late is taken as it is. Tracks
+    share the DAPs and nothing else: nobody's random numbers depend on anyone else's messages.
+
+    ``counts`` says what had no effect, or had to be guessed: ``unknown_dap`` and
+    ``untracked_responder`` (of a proximity), ``contradicted`` (a proximity that no particle
+    could explain), ``stale_start``, ``unknown_start`` (an increment of someone without a start),
+    ``lost_increment``, ``unplaced`` and ``superseded`` (of installations).
+    """
+
+    def __init__(self, settings: FusionSettings) -> None:
+        self._settings = settings
+        self._tracks: dict[str, Track] = {}
+        self._daps = DapMap()
+        self.counts: Counter[str] = Counter()
+
+    @property
+    def daps(self) -> Mapping[str, InstalledDap]:
+        """The DAPs that stand, by id."""
+        return MappingProxyType(self._daps)
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """The newest estimate of every responder, by id."""
+        return {responder_id: track.estimate for responder_id, track in self._tracks.items()}
+
+    def start(self, responder_id: str, start: TrackStart) -> Estimate | None:
+        """Begin a track, or begin it again; ``None`` if the one there began then or later.
+
+        Strides that were heard already and ended after the start belong to the new track.
+        """
+        before = self._tracks.get(responder_id)
+        if before is not None and before.started_ns is not None:
+            if start.event_time_ns < before.started_ns:
+                self.counts["stale_start"] += 1
+            if start.event_time_ns <= before.started_ns:
+                return None
+        track = Track(responder_id, start, start.event_time_ns, self._settings)
+        for increment in () if before is None else tuple(before.increments):
+            if increment.event_time_ns > start.event_time_ns:
+                track.move(increment)
+        self._tracks[responder_id] = track
+        return track.estimate
+
+    def move(self, responder_id: str, increment: OdometryIncrement) -> Estimate:
+        """Move a responder; one who has not started is first put where nobody knows."""
+        track = self._tracks.get(responder_id)
+        if track is None:
+            self.counts["unknown_start"] += 1
+            track = Track(responder_id, None, increment.event_time_ns, self._settings)
+            self._tracks[responder_id] = track
+        self.counts["lost_increment"] += track.move(increment)
+        return track.estimate
+
+    def near(self, dap_id: str, event: ProximityEvent) -> Estimate | None:
+        """Tie a responder to a DAP; ``None`` if that changes nothing.
+
+        ``left`` says only that a stay has ended: it ties nobody.
+        """
+        if event.phase == "left":
+            return None
+        dap = self._daps.get(dap_id)
+        track = self._tracks.get(event.responder_id)
+        if dap is None:
+            self.counts["unknown_dap"] += 1
+        elif track is None:
+            self.counts["untracked_responder"] += 1
+        elif not track.tie(dap_id, dap.position, event.event_time_ns):
+            self.counts["contradicted"] += 1
+        else:
+            return track.estimate
+        return None
+
+    def install(self, dap_id: str, said: DapInstallation) -> InstalledDap | None:
+        """Put a DAP on the map; return it if it is to be told where it stands."""
+        outcome = self._daps.install(dap_id, said, self._place_of)
+        if outcome in {"unplaced", "superseded"}:
+            self.counts[outcome] += 1
+            return None
+        asks = outcome == "placed" or said.position is None
+        return self._daps[dap_id] if asks else None
+
+    def _place_of(self, responder_id: str, time_ns: int) -> LocalPosition | None:
+        track = self._tracks.get(responder_id)
+        return None if track is None else track.estimate_at(time_ns).position

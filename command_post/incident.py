@@ -1,0 +1,243 @@
+"""The incident as the post sees it: bytes in, estimates out (pure).
+
+Live, in replay and in rehearsal the same calls are made with the same arguments, and the same
+bytes come out. Nothing happens between two calls.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+import msgspec
+
+from command_post.fusion.dap_map import InstalledDap
+from command_post.fusion.settings import FusionSettings
+from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
+from command_post.fusion.track import Estimate
+from command_post.fusion.tracker import Tracker
+from shared.codec import Refusal, decode, encode, parse_key
+from shared.messages import (
+    DapEstimate,
+    DapInstallation,
+    Message,
+    NodeId,
+    OdometryIncrement,
+    ProximityEvent,
+    TrackEstimate,
+    TrackStart,
+)
+from shared.topics import TOPICS, Key, Role, check_id
+
+MOST_NODES = 1024
+MOST_KEYS_KNOWN = 16_384
+MOST_REFUSAL_KINDS = 4096
+UNNAMED = "?"
+
+_FUSED = frozenset(
+    name
+    for name, topic in TOPICS.items()
+    if topic.message in {TrackStart, OdometryIncrement, ProximityEvent, DapInstallation}
+)
+
+
+class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Whose incident it is, and how its events are ordered and fused."""
+
+    incident: NodeId = "exercise"
+    post_id: NodeId = "post"
+    time_line: TimeLineSettings = TimeLineSettings()
+    fusion: FusionSettings = FusionSettings()
+
+    def as_metadata(self) -> dict[str, str]:
+        """Return them as a recording carries them."""
+        return {"incident_settings": msgspec.json.encode(self).decode()}
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, str]) -> IncidentSettings:
+        """Return the settings a recording was made with; ``ValueError`` if it does not say."""
+        try:
+            return msgspec.json.decode(metadata["incident_settings"], type=cls)
+        except KeyError:
+            raise ValueError("the recording does not say its settings; give them") from None
+        except msgspec.MsgspecError as error:
+            raise ValueError(f"the recording's settings cannot be used: {error}") from error
+
+
+class Outgoing(NamedTuple):
+    """A message to publish."""
+
+    key: str
+    payload: bytes
+
+
+class Notice(NamedTuple):
+    """A kind of refusal, when a node's input is refused for it the first time."""
+
+    reason: str
+    node_id: str
+    detail: str
+
+
+class Incident:
+    """Decodes what is heard, orders it, fuses it, and says what comes of it.
+
+    ``refusals`` counts what was not taken, per (reason, node): bytes that are no message, keys
+    that are not ours, another incident's keys (``foreign_incident``), and nodes beyond the first
+    1024 (``too_many_nodes``). A key so malformed that it names no node counts under ``?``.
+    """
+
+    def __init__(self, settings: IncidentSettings) -> None:
+        self.settings = settings
+        self.refusals: Counter[tuple[str, str]] = Counter()
+        self._notices: list[Notice] = []
+        self._keys: dict[str, Key | Refusal] = {}
+        self._heard_ns: dict[tuple[Role, str], int] = {}
+        self._time_line = TimeLine(settings.time_line)
+        self._tracker = Tracker(settings.fusion)
+        self._sequences: Counter[str] = Counter()
+
+    @property
+    def estimates(self) -> Mapping[str, Estimate]:
+        """The newest estimate of every responder, by id."""
+        return self._tracker.estimates
+
+    @property
+    def daps(self) -> Mapping[str, InstalledDap]:
+        """The DAPs that stand, by id."""
+        return self._tracker.daps
+
+    @property
+    def heard_ns(self) -> Mapping[tuple[Role, str], int]:
+        """When each responder and DAP was last heard, on the post's clock."""
+        return MappingProxyType(self._heard_ns)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """What was dropped, late, guessed or without effect; see ``TimeLine`` and ``Tracker``."""
+        return self._time_line.counts + self._tracker.counts
+
+    def take_notices(self) -> list[Notice]:
+        """Return the kinds of refusal seen for the first time since this was last asked."""
+        taken, self._notices = self._notices, []
+        return taken
+
+    def handle(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
+        """Take in bytes received under ``key`` at ``now_ns``; return what is to be published.
+
+        Never raises for what was received. Raw samples, signal strengths and truth are checked
+        and counted like everything else, and not fused; what a post says is passed over.
+        """
+        parsed = self._parsed(key)
+        if isinstance(parsed, Refusal):
+            self._refuse(parsed.reason, _node_of(key), parsed.detail)
+        elif parsed.role != "post":
+            self._take(parsed, payload, now_ns)
+        return self._fuse(self._time_line.release(now_ns))
+
+    def finish(self, now_ns: int) -> list[Outgoing]:  # noqa: ARG002
+        """Release everything that is held back; return what is to be published."""
+        return self._fuse(self._time_line.release_all())
+
+    def _parsed(self, key_text: str) -> Key | Refusal:
+        known = self._keys.get(key_text)
+        if known is not None:
+            return known
+        key = parse_key(key_text)
+        if isinstance(key, Key):
+            if len(self._keys) >= MOST_KEYS_KNOWN:
+                self._keys.clear()
+            self._keys[key_text] = key
+        return key
+
+    def _take(self, key: Key, payload: bytes, now_ns: int) -> None:
+        message = decode(key, payload)
+        if isinstance(message, Refusal):
+            self._refuse(message.reason, key.node_id, message.detail)
+            return
+        node = (key.role, key.node_id)
+        if key.incident != self.settings.incident:
+            self._refuse("foreign_incident", key.node_id, f"of {key.incident!r}")
+        elif node not in self._heard_ns and len(self._heard_ns) >= MOST_NODES:
+            self._refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
+        else:
+            self._heard_ns[node] = now_ns
+            if key.topic in _FUSED:
+                self._time_line.put(Event(key, message), now_ns)
+
+    def _refuse(self, reason: str, node_id: str, detail: str) -> None:
+        kind = (reason, node_id)
+        if kind not in self.refusals:
+            if len(self.refusals) >= MOST_REFUSAL_KINDS:
+                kind = (reason, UNNAMED)
+            if kind not in self.refusals:
+                self._notices.append(Notice(*kind, detail))
+        self.refusals[kind] += 1
+
+    def _fuse(self, events: list[Event]) -> list[Outgoing]:
+        return [outgoing for event in events for outgoing in self._outcome(event)]
+
+    def _outcome(self, event: Event) -> Iterator[Outgoing]:
+        """Let the tracker have one event, and say what it changed."""
+        node_id = event.key.node_id
+        match event.message:
+            case TrackStart() as start:
+                yield from self._track(node_id, self._tracker.start(node_id, start))
+            case OdometryIncrement() as increment:
+                yield from self._track(node_id, self._tracker.move(node_id, increment))
+            case ProximityEvent() as near:
+                yield from self._track(near.responder_id, self._tracker.near(node_id, near))
+            case DapInstallation() as said:
+                yield from self._dap_place(node_id, self._tracker.install(node_id, said))
+
+    def _track(self, responder_id: str, estimate: Estimate | None) -> Iterator[Outgoing]:
+        if estimate is None:
+            return
+        yield self._outgoing(
+            TrackEstimate(
+                event_time_ns=estimate.time_ns,
+                sequence=self._next_sequence("track"),
+                responder_id=responder_id,
+                north_m=estimate.north_m,
+                east_m=estimate.east_m,
+                down_m=estimate.down_m,
+                covariance_m2=estimate.covariance_m2,
+                heading_rad=estimate.heading_rad,
+                heading_sd_rad=estimate.heading_sd_rad,
+                last_proximity_time_ns=estimate.last_proximity_time_ns,
+            ),
+            "track",
+        )
+
+    def _dap_place(self, dap_id: str, dap: InstalledDap | None) -> Iterator[Outgoing]:
+        if dap is None:
+            return
+        yield self._outgoing(
+            DapEstimate(
+                event_time_ns=dap.installed_ns,
+                sequence=self._next_sequence("dap_place"),
+                dap_id=dap_id,
+                position=dap.position,
+            ),
+            "dap_place",
+        )
+
+    def _next_sequence(self, topic: str) -> int:
+        number = self._sequences[topic]
+        self._sequences[topic] += 1
+        return number
+
+    def _outgoing(self, message: Message, topic: str) -> Outgoing:
+        key = Key(self.settings.incident, "post", self.settings.post_id, topic)
+        return Outgoing(str(key), encode(message))
+
+
+def _node_of(key_text: str) -> str:
+    """Return the node that a key which is not ours still names, if it is a name at all."""
+    chunks = key_text.split("/")
+    try:
+        return check_id(chunks[4], "node") if len(chunks) > 4 else UNNAMED
+    except ValueError:
+        return UNNAMED
