@@ -40,8 +40,8 @@ class ExitCode(IntEnum):
     USAGE = 2
     """The command line or a settings file is wrong: nothing was begun."""
 
-    FORCED = 130
-    """A second signal ended the program before it had closed everything."""
+    INTERRUPTED = 130
+    """Stopped by a signal before there was a result, or by a second one before all was closed."""
 
 
 def configure_logging(level: LogLevel = "info", *, json: bool = False) -> None:
@@ -94,7 +94,7 @@ def _render(json: bool) -> list[structlog.typing.Processor]:
 def stop_on_signals() -> Iterator[threading.Event]:
     """Give an event that is set by SIGINT or SIGTERM; whoever is impatient signals again.
 
-    A second signal ends the program on the spot with ``ExitCode.FORCED``. To be entered in the
+    A second signal ends the program on the spot with ``ExitCode.INTERRUPTED``. To be entered in the
     main thread (else ``ValueError``); the former handlers return at the end of the block.
     """
     stop = threading.Event()
@@ -107,7 +107,7 @@ def stop_on_signals() -> Iterator[threading.Event]:
             # The main thread may be inside this very event, holding its lock.
             _thread.start_new_thread(stop.set, ())
         elif time.monotonic() - asked_s > IMPATIENCE_S:
-            os._exit(ExitCode.FORCED)
+            os._exit(ExitCode.INTERRUPTED)
 
     former = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

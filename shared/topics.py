@@ -86,6 +86,11 @@ def alive_key(incident: str, role: Role, node_id: str) -> str:
     return f"clew/{WIRE_VERSION}/{incident}/{role}/{node_id}/alive"
 
 
+def all_alive_of(incident: str) -> str:
+    """Key expression for the liveliness tokens of an incident's nodes."""
+    return f"clew/{WIRE_VERSION}/{incident}/*/*/alive"
+
+
 def check_id(value: str, what: str) -> str:
     """Return ``value`` if it may stand in a key, else raise ``ValueError`` that says what may."""
     if not _ID.fullmatch(value):

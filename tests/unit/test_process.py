@@ -80,7 +80,7 @@ def test_a_second_signal_ends_a_program_that_does_not_close() -> None:
             return process.poll() is not None
 
         wait_for(ended, "the end of the program")
-    assert process.returncode == ExitCode.FORCED
+    assert process.returncode == ExitCode.INTERRUPTED
 
 
 def test_a_child_stops_when_its_launcher_is_killed() -> None:

@@ -1,0 +1,31 @@
+"""``command-post``: arguments and wiring."""
+
+from __future__ import annotations
+
+from cyclopts import App
+
+from command_post.commands.live import demo, run
+from command_post.commands.offline import montecarlo, rehearse
+from command_post.commands.scoring import replay, score_file
+from shared.command_line import run_command_line
+
+app = App(
+    name="command-post",
+    help="Know where everybody is: hear them, fuse what they say, record it, replay it.",
+    version_flags=["--version"],
+)
+app.command(run)
+app.command(demo)
+app.command(replay)
+app.command(score_file, name="score")
+app.command(rehearse)
+app.command(montecarlo)
+
+
+def main() -> None:
+    """Run the command line of this process, and exit with what its command returns."""
+    run_command_line(app)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What ``command-post`` does, one module a command."""

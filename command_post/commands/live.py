@@ -1,0 +1,160 @@
+"""``command-post run`` and ``command-post demo``: the post at work."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import structlog
+from cyclopts import Parameter
+from rich.console import Console
+from rich.live import Live
+
+from command_post.commands.scoring import read_evidence, show_score
+from command_post.demo import DemoError, DemoSettings, run_demo
+from command_post.evaluation import measure, score
+from command_post.fusion.settings import FusionSettings
+from command_post.incident import Incident, IncidentSettings
+from command_post.post import Post
+from command_post.recording import Recorder
+from command_post.recording_file import RecorderError
+from command_post.roster import Roster
+from command_post.table import roster_table
+from shared.bus.zenoh_bus import open_zenoh
+from shared.clock import SystemClock
+from shared.config import ConfigError
+from shared.files import replace_atomically
+from shared.process import ExitCode, stop_on_signals, stop_with_parent
+from shared.simulation.scenario import load_scenario
+from shared.topics import check_id
+
+DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+def run(
+    *,
+    incident: str = "incident",
+    post_id: Annotated[str, Parameter(name="--id")] = "post",
+    record: Path = Path("incident.mcap"),
+    listen: str = DEFAULT_LISTEN,
+    seed: int = 1,
+    particles: int = 1000,
+    table: bool = False,
+    await_start: bool = False,
+    with_parent: Annotated[bool, Parameter(show=False)] = False,
+) -> int:
+    """Hear an incident, fuse it, record it, until SIGINT or SIGTERM.
+
+    Example: command-post run --incident harbour --record harbour.mcap --table
+
+    Parameters
+    ----------
+    incident
+        Name of the incident; nodes of others are not heard.
+    post_id
+        Name of this post.
+    record
+        Where the recording goes; its name must be free.
+    listen
+        Where DAPs and agents find the post; loopback only, for links are not encrypted yet.
+    seed
+        Of the particle filters' random numbers.
+    particles
+        For each responder.
+    table
+        Show the roster on standard output.
+    await_start
+        Take the time from the exercise's start, once it is given.
+    with_parent
+        Stop when standard input closes.
+
+    """
+    try:
+        settings = IncidentSettings(
+            incident=check_id(incident, "--incident"),
+            post_id=check_id(post_id, "--id"),
+            fusion=FusionSettings(seed=seed, particles=particles),
+        )
+        with (
+            stop_on_signals() as stop,
+            open_zenoh("router", listen=[listen]) as bus,
+            Recorder(record, settings.as_metadata()) as recorder,
+            Live(console=Console(file=sys.stdout), auto_refresh=False) as live,
+        ):
+            if with_parent:
+                stop_with_parent(stop)
+
+            def show(roster: Roster) -> None:
+                if table:
+                    live.update(roster_table(roster), refresh=True)
+
+            post = Post(
+                bus, Incident(settings), recorder, SystemClock(),
+                follows_exercise=await_start, show=show,
+            )  # fmt: skip
+            post.serve(stop)
+            status = recorder.close()
+    except (ValueError, RecorderError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    if status.fault is not None or status.dropped:
+        _log.error("the recording is not whole", fault=status.fault, dropped=status.dropped)
+        return ExitCode.FAILURE
+    return ExitCode.OK
+
+
+def demo(
+    *,
+    scenario: str = "four_daps",
+    seed: int = 1,
+    speed: float = 1.0,
+    output: Path = Path("clew-demo"),
+    json: bool = False,
+) -> int:
+    """Run a simulated incident, every node its own process, and score it.
+
+    Leaves a recording, a picture of the tracks and each process's log in the output folder.
+    Example: command-post demo --speed 10
+
+    Parameters
+    ----------
+    scenario
+        A packaged scenario's name, or a TOML file.
+    seed
+        Of the simulated world and of the fusion.
+    speed
+        How many times as fast as real.
+    output
+        Folder for what it leaves; what an earlier demo left there is replaced.
+    json
+        Print the score as one JSON object, and no table.
+
+    """
+    try:
+        loaded = load_scenario(scenario)
+        settings = DemoSettings(scenario, loaded, seed, speed, output, shows_table=not json)
+        settings.clear()
+    except (ConfigError, OSError, ValueError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    console = Console(stderr=True)
+    try:
+        with stop_on_signals() as stop:
+            finished = run_demo(settings, stop, lambda text: console.print(text, highlight=False))
+    except DemoError as error:
+        _log.error(str(error))
+        return ExitCode.FAILURE
+    console.print(f"recording: {settings.recording}", highlight=False)
+    if not finished:
+        return ExitCode.INTERRUPTED
+    evidence = read_evidence(settings.recording)
+    told = score(measure(evidence))
+    with replace_atomically(settings.score) as file:
+        file.write(msgspec.json.format(msgspec.json.encode(told)))
+    show_score(told, evidence, loaded.building, picture=settings.picture, json=json)
+    console.print(f"picture: {settings.picture}", highlight=False)
+    return ExitCode.OK

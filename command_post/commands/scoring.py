@@ -1,0 +1,130 @@
+"""``command-post replay`` and ``command-post score``: what a recording shows."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import msgspec
+import structlog
+from rich.console import Console
+
+from command_post.evaluation import Score, measure, score
+from command_post.evidence import Evidence
+from command_post.incident import Incident, IncidentSettings
+from command_post.picture import draw_tracks
+from command_post.replay import replay as replay_recording
+from command_post.score_table import score_table
+from shared.codec import Refusal, decode, parse_key
+from shared.config import ConfigError
+from shared.mcap_reader import RecordingError, read_recording
+from shared.process import ExitCode
+from shared.simulation.plan import Plan, load_plan
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+def replay(
+    file: Path,
+    *,
+    json: bool = False,
+) -> int:
+    """Handle a recording once more, and compare what comes of it with what came of it then.
+
+    Exits with 0 when every message is equal to the bit, with 1 when not, with 2 when the file
+    cannot be replayed. Example: command-post replay recordings/four_daps.mcap
+
+    Parameters
+    ----------
+    file
+        A recording: .mcap, or the .mcap.part that a killed post leaves.
+    json
+        Print the report as one JSON object.
+
+    """
+    try:
+        settings = IncidentSettings.from_metadata(read_recording(file).metadata)
+        report = replay_recording(file, Incident(settings))
+    except (RecordingError, ValueError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    if json:
+        told = {
+            "handled": report.handled,
+            "equal": report.equal,
+            "different": report.different,
+            "missing": report.missing,
+            "extra": report.extra,
+            "unconfirmed": report.unconfirmed,
+            "identical": report.identical,
+            "recording_complete": report.reading.complete,
+        }
+        _print_json(told)
+    else:
+        Console().print(str(report), markup=False, highlight=False)
+    return ExitCode.OK if report.identical else ExitCode.FAILURE
+
+
+def score_file(
+    file: Path,
+    *,
+    json: bool = False,
+    picture: Path | None = None,
+    plan: str | None = None,
+) -> int:
+    """Score a recording against the truth in it: dead reckoning alone beside the fused tracks.
+
+    Example: command-post score recordings/four_daps.mcap --picture tracks.png
+
+    Parameters
+    ----------
+    file
+        A recording that has the truth in it.
+    json
+        Print the score as one JSON object.
+    picture
+        Draw the tracks into this PNG.
+    plan
+        The building under the tracks: a packaged plan's name or a TOML file.
+
+    """
+    try:
+        evidence = read_evidence(file)
+        building = load_plan(plan) if plan is not None else None
+    except (RecordingError, ConfigError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    told = score(measure(evidence))
+    if told.live.absolute is None and told.pdr.absolute is None:
+        _log.error(f"{file}: nothing to score: no track with a truth beside it")
+        return ExitCode.FAILURE
+    show_score(told, evidence, building, picture=picture, json=json)
+    return ExitCode.OK
+
+
+def read_evidence(file: Path) -> Evidence:
+    """Return what a recording holds to be scored. Raises ``RecordingError``."""
+    evidence = Evidence()
+    for recorded in read_recording(file):
+        key = parse_key(recorded.key)
+        message = key if isinstance(key, Refusal) else decode(key, recorded.payload)
+        if not isinstance(key, Refusal) and not isinstance(message, Refusal):
+            evidence.add(key, message)
+    return evidence
+
+
+def show_score(
+    told: Score, evidence: Evidence, plan: Plan | None, *, picture: Path | None, json: bool
+) -> None:
+    """Print a score card, and draw its tracks where there is to be a picture."""
+    if picture is not None:
+        draw_tracks(evidence, plan, picture)
+    if json:
+        _print_json(told)
+    else:
+        Console().print(score_table(told))
+
+
+def _print_json(told: object) -> None:
+    sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(told)) + b"\n")
+    sys.stdout.buffer.flush()

@@ -1,0 +1,174 @@
+"""The demo: a whole incident on one machine, every node its own process, over Zenoh on loopback.
+
+The launcher starts the post, the DAPs and the agents of a scenario, waits until all are alive,
+gives the start, and scores the recording against the simulated truth when all have finished.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event
+from typing import NamedTuple
+
+from command_post.children import Children
+from shared.bus.interface import Bus
+from shared.bus.zenoh_bus import open_zenoh
+from shared.clock import SystemClock
+from shared.messages import ExerciseStart
+from shared.sender import Sender
+from shared.simulation.scenario import Scenario
+from shared.topics import alive_key, all_alive_of
+
+INCIDENT = "demo"
+POST_ID = "post"
+LAUNCHER_ID = "launcher"
+READY_TIMEOUT_S = 90.0
+POLL_S = 0.1
+
+
+class DemoError(RuntimeError):
+    """The demo could not run; the text says which node failed and where its log is."""
+
+
+class DemoSettings(NamedTuple):
+    """What to run, how fast, and where its files go."""
+
+    scenario_name: str
+    scenario: Scenario
+    seed: int
+    speed: float
+    directory: Path
+    shows_table: bool
+
+    @property
+    def recording(self) -> Path:
+        """Where the recording is written."""
+        return self.directory / f"{Path(self.scenario_name).stem}.mcap"
+
+    @property
+    def picture(self) -> Path:
+        """Where the tracks are drawn."""
+        return self.recording.with_suffix(".png")
+
+    @property
+    def score(self) -> Path:
+        """Where the score is written."""
+        return self.recording.with_suffix(".score.json")
+
+    def clear(self) -> None:
+        """Make the folder, and remove what an earlier run of the scenario left in it."""
+        self.directory.mkdir(parents=True, exist_ok=True)
+        unfinished = self.recording.with_name(f"{self.recording.name}.part")
+        for path in (self.recording, unfinished, self.picture, self.score):
+            path.unlink(missing_ok=True)
+
+
+def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) -> bool:
+    """Run the whole scenario; return whether it ran to its end before ``stop`` was set.
+
+    Raises ``DemoError`` when a node fails. However it ends, no process is left and the recording
+    is finished.
+    """
+    with Children(settings.directory / "logs") as children:
+        locators = _start_nodes(settings, children)
+        with open_zenoh("client", connect=[locators[POST_ID]]) as bus:
+            say("starting " + ", ".join(children.running()))
+            if not _wait_until_alive(settings, bus, children, stop):
+                return False
+            start = _give_the_start(settings, bus)
+            say(f"exercise started: {start.scenario}, seed {start.seed}, {start.speed:g}x")
+            while walkers := [name for name in children.running() if name != POST_ID]:
+                _check(children, settings.directory)
+                if stop.wait(POLL_S):
+                    say("stopping " + ", ".join(walkers))
+                    return False
+        _check(children, settings.directory)
+    return True
+
+
+def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
+    names = [POST_ID, *settings.scenario.daps]
+    locators = dict(zip(names, _free_loopback_locators(len(names)), strict=True))
+    common = ("--incident", INCIDENT, "--await-start", "--with-parent")
+    simulated = f"simulated:{settings.scenario_name}"
+    seed = ("--seed", str(settings.seed))
+    table = ("--table",) if settings.shows_table else ()
+    children.start(
+        POST_ID,
+        "command_post",
+        ("run", "--id", POST_ID, *common, "--listen", locators[POST_ID],
+         "--record", str(settings.recording), *seed, *table),
+        shows=True,
+    )  # fmt: skip
+    for dap_id in settings.scenario.daps:
+        children.start(
+            dap_id,
+            "dap_node",
+            ("run", "--id", dap_id, *common, "--scan", simulated, *seed,
+             "--listen", locators[dap_id], "--connect", locators[POST_ID]),
+        )  # fmt: skip
+    dials = [part for name in reversed(names) for part in ("--connect", locators[name])]
+    for responder_id in settings.scenario.responders:
+        children.start(
+            responder_id,
+            "edge_agent",
+            ("run", "--id", responder_id, *common, "--source", simulated, *seed, *dials),
+        )
+    return locators
+
+
+def _free_loopback_locators(count: int) -> list[str]:
+    """Return locators of ports that are free now, all held at once so that none comes twice."""
+    sockets = [socket.socket() for _ in range(count)]
+    try:
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [f"tcp/127.0.0.1:{one.getsockname()[1]}" for one in sockets]
+    finally:
+        for one in sockets:
+            one.close()
+
+
+def _wait_until_alive(settings: DemoSettings, bus: Bus, children: Children, stop: Event) -> bool:
+    expected = {
+        alive_key(INCIDENT, "post", POST_ID),
+        *(alive_key(INCIDENT, "dap", dap_id) for dap_id in settings.scenario.daps),
+        *(alive_key(INCIDENT, "responder", one) for one in settings.scenario.responders),
+    }
+    alive: set[str] = set()
+    bus.watch_alive(
+        all_alive_of(INCIDENT),
+        lambda key, is_alive: alive.add(key) if is_alive else alive.discard(key),
+    )
+    clock = SystemClock()
+    deadline_ns = clock.now_ns() + round(READY_TIMEOUT_S * 1e9)
+    while not expected <= alive:
+        _check(children, settings.directory)
+        if clock.real_seconds_until(deadline_ns) < 0.0:
+            missing = ", ".join(sorted(expected - alive))
+            raise DemoError(f"not alive after {READY_TIMEOUT_S:g} s: {missing}")
+        if stop.wait(POLL_S):
+            return False
+    return True
+
+
+def _give_the_start(settings: DemoSettings, bus: Bus) -> ExerciseStart:
+    sender = Sender(bus, INCIDENT, "post", LAUNCHER_ID)
+    start = ExerciseStart(
+        event_time_ns=SystemClock().now_ns(),
+        sequence=sender.next_sequence(ExerciseStart),
+        scenario=settings.scenario_name,
+        seed=settings.seed,
+        speed=settings.speed,
+    )
+    payload = sender.send(start)
+    bus.answer(sender.key(ExerciseStart), lambda: payload)
+    return start
+
+
+def _check(children: Children, directory: Path) -> None:
+    for name, exit_code in children.failed():
+        log = directory / "logs" / f"{name}.log"
+        raise DemoError(f"{name} ended with exit code {exit_code}; its log: {log}")

@@ -1,0 +1,120 @@
+"""The post's shell: the bus in, the incident in the middle, the bus and the recording out.
+
+One thread does it all in one order, so that a replay of the recording makes the same of it:
+take a message from the inbox, read the clock once, record, handle, publish what comes of it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from threading import Event
+
+import structlog
+
+from command_post.incident import Incident
+from command_post.recording import Outgoing, RecordedIncident, Recorder
+from command_post.roster import Roster, RosterSettings, make_roster
+from shared.bus.inbox import Inbox
+from shared.bus.interface import Bus, Received
+from shared.clock import Clock, ScaledClock
+from shared.codec import Refusal, decode, parse_key
+from shared.messages import ExerciseStart
+from shared.topics import TOPICS, Key, Priority, alive_key, all_alive_of, everything_of
+
+INBOX_MESSAGES = 200_000
+SHOW_PERIOD_S = 0.25
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+class Post:
+    """Hears an incident over a bus, records it, and says what it makes of it."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        incident: Incident,
+        recorder: Recorder,
+        clock: Clock,
+        *,
+        follows_exercise: bool,
+        show: Callable[[Roster], None],
+    ) -> None:
+        """``follows_exercise``: take the time from the exercise's start once it is given."""
+        self._bus = bus
+        self._incident = incident
+        self._recorder = recorder
+        self._recorded = RecordedIncident(incident, recorder)
+        self._clock = clock
+        self._follows_exercise = follows_exercise
+        self._show = show
+        self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
+        self._alive: set[str] = set()
+        name, post_id = incident.settings.incident, incident.settings.post_id
+        self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
+
+    def serve(self, stop: Event) -> None:
+        """Serve until ``stop`` is set, then finish the incident and say what was lost."""
+        settings = self._incident.settings
+        self._bus.subscribe(everything_of(settings.incident), self._inbox.put)
+        self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
+        self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
+        next_show_s = time.monotonic()
+        while not stop.is_set():
+            self._handle_all(self._inbox.get_all(SHOW_PERIOD_S))
+            if time.monotonic() >= next_show_s:
+                self._show(self.roster())
+                next_show_s = time.monotonic() + SHOW_PERIOD_S
+        self._handle_all(self._inbox.get_all())
+        self._publish(self._recorded.finish(self._clock.now_ns()))
+        self._show(self.roster())
+        self._tell_losses()
+
+    def roster(self) -> Roster:
+        """Return who is where now."""
+        alive = {key.split("/")[-2] for key in tuple(self._alive)}
+        return make_roster(self._incident, self._clock.now_ns(), RosterSettings(), alive)
+
+    def _handle_all(self, messages: Sequence[Received]) -> None:
+        for key, payload in messages:
+            # The bus hands a node's own messages back to it.
+            if key in self._own_keys:
+                continue
+            if self._follows_exercise:
+                self._follow(key, payload)
+            self._publish(self._recorded.handle(key, payload, self._clock.now_ns()))
+        for notice in self._incident.take_notices():
+            _log.warning("refused", **notice._asdict())
+
+    def _publish(self, outgoing: Sequence[Outgoing]) -> None:
+        for message in outgoing:
+            self._bus.publish(message.key, message.payload, _priority(message.key))
+
+    def _follow(self, key: str, payload: bytes) -> None:
+        """Set the clock by an ``ExerciseStart``."""
+        parsed = parse_key(key)
+        if isinstance(parsed, Refusal) or parsed.topic != "exercise":
+            return
+        start = decode(parsed, payload)
+        if isinstance(start, ExerciseStart):
+            self._clock = ScaledClock(start.event_time_ns, start.speed)
+            _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
+
+    def _note_alive(self, key: str, is_alive: bool) -> None:
+        if is_alive:
+            self._alive.add(key)
+        else:
+            self._alive.discard(key)
+
+    def _tell_losses(self) -> None:
+        for (reason, node_id), count in sorted(self._incident.refusals.items()):
+            _log.warning("refused in all", reason=reason, node_id=node_id, count=count)
+        for what, count in sorted(self._incident.counts.items()):
+            _log.info("fusion", what=what, count=count)
+        if self._inbox.dropped:
+            _log.error("the post fell behind and lost messages", count=self._inbox.dropped)
+
+
+def _priority(key: str) -> Priority:
+    return TOPICS[key.rpartition("/")[2]].priority

@@ -1,0 +1,89 @@
+"""Rehearsal: a scenario run offline, as fast as the machine goes, with the same parts and handlers.
+
+The nodes' programs write what they would have published as wire logs; the logs are merged in the
+order of publishing and handed to the incident and the recorder as if they had been heard. No
+network and no clock takes part, so the same seed gives the same recording to the bit.
+"""
+
+from __future__ import annotations
+
+import heapq
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from command_post.evidence import Evidence
+from command_post.incident import Incident, IncidentSettings
+from command_post.recording import RecordedIncident
+from command_post.recording_file import RecordingFile
+from shared.bus.wire_log import WireFrame, read_wire_log
+from shared.codec import Refusal, decode, parse_key
+
+
+class RehearsalError(RuntimeError):
+    """A node's program failed in rehearsal; the text is what it said."""
+
+
+def rehearse_nodes(scenario_name: str, first_seed: int, count: int, directory: Path) -> None:
+    """Let agents and DAPs write their wire logs for ``count`` seeds: ``{seed}/{node}.wire``.
+
+    Raises ``RehearsalError`` when one of the programs fails.
+    """
+    seeds = f"{first_seed}-{first_seed + count - 1}"
+    for module in ("edge_agent", "dap_node"):
+        ended = subprocess.run(  # noqa: S603
+            [sys.executable, "-m", module, "rehearse", scenario_name,
+             "--seeds", seeds, "--output", str(directory)],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if ended.returncode != 0:
+            raise RehearsalError(f"{module} rehearse failed: {ended.stderr.strip()}")
+
+
+def merged_wire_logs(directory: Path) -> Iterator[WireFrame]:
+    """Yield the frames of all logs in ``directory`` by time; at one time, by key."""
+    logs = [read_wire_log(path) for path in sorted(directory.glob("*.wire"))]
+    return heapq.merge(*logs, key=lambda frame: (frame.time_ns, frame.key))
+
+
+def rehearse(
+    scenario_name: str, seed: int, settings: IncidentSettings, path: Path, *, replace: bool = False
+) -> None:
+    """Run ``scenario_name`` offline and record it, estimates included, at ``path``.
+
+    Raises ``RehearsalError``, and ``RecorderError`` where ``path`` cannot be written.
+    """
+    with tempfile.TemporaryDirectory(prefix="clew-rehearsal-") as folder:
+        rehearse_nodes(scenario_name, seed, 1, Path(folder))
+        file = RecordingFile(path, settings.as_metadata(), replace=replace)
+        incident = RecordedIncident(Incident(settings), file)
+        now_ns = 0
+        for now_ns, key, payload in merged_wire_logs(Path(folder) / str(seed)):
+            incident.handle(key, payload, now_ns)
+        incident.finish(now_ns)
+        file.finish()
+
+
+def evidence_of(directory: Path, settings: IncidentSettings) -> Evidence:
+    """Fuse the wire logs of one seed and return what is needed to score them."""
+    incident = Incident(settings)
+    evidence = Evidence()
+    now_ns = 0
+    for now_ns, key, payload in merged_wire_logs(directory):
+        _add(evidence, key, payload)
+        for outgoing in incident.handle(key, payload, now_ns):
+            _add(evidence, outgoing.key, outgoing.payload)
+    for outgoing in incident.finish(now_ns):
+        _add(evidence, outgoing.key, outgoing.payload)
+    return evidence
+
+
+def _add(evidence: Evidence, key_text: str, payload: bytes) -> None:
+    key = parse_key(key_text)
+    if isinstance(key, Refusal):
+        return
+    message = decode(key, payload)
+    if not isinstance(message, Refusal):
+        evidence.add(key, message)

@@ -1,0 +1,22 @@
+"""How every program runs its command line."""
+
+from __future__ import annotations
+
+import sys
+
+from cyclopts import App, CycloptsError
+
+from shared.process import ExitCode, configure_logging
+
+
+def run_command_line(app: App) -> None:
+    """Run ``app`` on this process's arguments and exit with what its command returns.
+
+    A mistake in the arguments is told by ``app`` and exits with ``ExitCode.USAGE``.
+    """
+    configure_logging()
+    try:
+        code = app(exit_on_error=False, result_action="return_value")
+    except CycloptsError:
+        sys.exit(ExitCode.USAGE)
+    sys.exit(code if isinstance(code, int) else ExitCode.OK)
