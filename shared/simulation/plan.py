@@ -151,13 +151,11 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
         return np.bincount(line[same_floor], minlength=len(from_m))
 
     @property
-    def wall_pieces_m(self) -> list[tuple[Point, Point]]:
-        """Both ends, north and east, of every stretch of wall between doors, on all floors."""
+    @property
+    def wall_pieces_m(self) -> Array:
+        """Both ends (w, 2, 2: north, east) of each stretch of wall between doors, to be drawn."""
         starts, ends, _, _ = self._solid_walls
-        return [
-            ((start[0], start[1]), (end[0], end[1]))
-            for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
-        ]
+        return np.stack([starts, ends], axis=1)
 
     @cached_property
     def _solid_walls(self) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.str_]]:
