@@ -151,7 +151,6 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
         return np.bincount(line[same_floor], minlength=len(from_m))
 
     @property
-    @property
     def wall_pieces_m(self) -> Array:
         """Both ends (w, 2, 2: north, east) of each stretch of wall between doors, to be drawn."""
         starts, ends, _, _ = self._solid_walls
