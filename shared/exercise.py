@@ -1,0 +1,44 @@
+"""How the nodes of a simulated exercise begin together, and what time it is in one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from threading import Event
+
+from shared.bus.inbox import Inbox
+from shared.bus.interface import Bus, Received
+from shared.clock import NS_PER_S
+from shared.codec import Refusal, decode, parse_key
+from shared.messages import ExerciseStart, NodeId
+from shared.topics import Key
+
+REHEARSAL_START_NS = 1_767_225_600 * NS_PER_S
+"""When every rehearsal begins, so that it comes out the same each time: 2026-01-01 00:00 UTC."""
+
+HEAR_S = 0.2
+ASK_TIMEOUT_S = 0.5
+
+
+def await_exercise(bus: Bus, incident: NodeId, stop: Event) -> ExerciseStart | None:
+    """Wait until the start of the exercise is given; ``None`` if ``stop`` is set before.
+
+    Who joins late is told as well: as long as nothing is heard, the posts are asked.
+    """
+    key = str(Key(incident, "post", "*", "exercise"))
+    inbox: Inbox[Received] = Inbox(16)
+    bus.subscribe(key, inbox.put)
+    while not stop.is_set():
+        start = _first_start(inbox.get_all(HEAR_S)) or _first_start(bus.query(key, ASK_TIMEOUT_S))
+        if start is not None:
+            return start
+    return None
+
+
+def _first_start(heard: Iterable[Received]) -> ExerciseStart | None:
+    for received in heard:
+        key = parse_key(received.key)
+        if not isinstance(key, Refusal):
+            message = decode(key, received.payload)
+            if isinstance(message, ExerciseStart):
+                return message
+    return None
