@@ -16,7 +16,10 @@ from msgspec import Meta
 
 from shared.config import load_toml
 from shared.messages import NodeId
+from shared.simulation.imu_errors import ImuSettings
+from shared.simulation.magnetic import MagneticSettings
 from shared.simulation.plan import Plan, Point, load_plan, packaged_or_path
+from shared.simulation.propagation import RadioParameters
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 
@@ -27,6 +30,9 @@ LevelGait: TypeAlias = Literal["walk", "fast_walk", "side_left", "side_right", "
 Seconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e5)]
 Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 Magnitude: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e4)]
+
+
+STAND_AT_LEAST_S = 3.0
 
 
 class Stand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="stand"):
@@ -77,32 +83,31 @@ class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Who goes in when, from where, facing where, and along which legs."""
+    """Who goes in when, from where, facing where, and along which legs.
+
+    Chance moves each point of the route by ``route_jitter_m`` (standard deviation), save where
+    stairs follow. A route begins and ends standing, for a sensor needs stillness to start from.
+    """
 
     start_m: Point
     route: Annotated[tuple[Leg, ...], Meta(min_length=1)]
+    route_jitter_m: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.1
     heading_deg: float = 0.0
-    floor: str | None = None
+    floor: str = "ground"
     start_s: Seconds = 0.0
     person: str = "average"
+
+    def __post_init__(self) -> None:
+        """Refuse a route that does not begin and end standing."""
+        for leg, where in ((self.route[0], "begin"), (self.route[-1], "end")):
+            if not (isinstance(leg, Stand) and leg.for_s >= STAND_AT_LEAST_S):
+                raise ValueError(f"route: let it {where} with a stand of {STAND_AT_LEAST_S} s")
 
 
 class Dap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A DAP at ``position_m`` (north, east, down) from the start; without, a leg installs it."""
 
     position_m: tuple[float, float, float] | None = None
-
-
-class ImuSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The boot's sensor."""
-
-    rate_hz: Annotated[float, Meta(ge=20.0, le=2000.0)] = 100.0
-
-
-class RadioSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How radio spreads in the building, and how a DAP hears it."""
-
-    scan_rate_hz: Annotated[float, Meta(gt=0.0, le=100.0)] = 5.0
 
 
 class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
@@ -114,7 +119,8 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
     daps: dict[NodeId, Dap] = {}
     people: dict[str, Person] = {}
     imu: ImuSettings = ImuSettings()
-    radio: RadioSettings = RadioSettings()
+    magnetic: MagneticSettings = MagneticSettings()
+    radio: RadioParameters = RadioParameters()
 
     def __post_init__(self) -> None:
         """Refuse DAPs that nobody or more than one installs, and people who are not described."""
@@ -156,9 +162,9 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
     def start_of(self, responder_id: NodeId) -> tuple[float, float, float, float]:
         """North, east, down and heading (rad) of the responder before the first leg."""
         responder = self.responders[responder_id]
-        floor = responder.floor or self.building.floors[0].name
+        heights_m = {floor.name: floor.height_m for floor in self.building.floors}
+        height_m = heights_m[responder.floor]
         north_m, east_m = responder.start_m
-        height_m = self.building.floor_height_m(floor)
         return north_m, east_m, -height_m, math.radians(responder.heading_deg)
 
 

@@ -7,13 +7,23 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from shared.messages import NodeId
-from shared.simulation.scenario import Climb, Gait, Move, Scenario, Stand
+from shared.simulation.chance import generator
+from shared.simulation.foot_path import FootPath
+from shared.simulation.gaits import StrideShape
+from shared.simulation.route import Footfall, plan_route
+from shared.simulation.scenario import Gait, Scenario
+from shared.simulation.sole import Sole
+from shared.simulation.variation import unrest, varied_shapes
 
 Array: TypeAlias = NDArray[np.float64]
 
 BODY_RATE_HZ = 20.0
+SENSOR_PLACE_M = (0.07, 0.14, 0.08)
+SENSOR_PLACE_SPREAD_M = (0.006, 0.01, 0.01)
+"""The sensor above the sole, ahead of the heel, behind the ball: mean, standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -40,61 +50,83 @@ class BodyTrack:
 class Walk:
     """A responder's true motion, between entering and leaving the exercise.
 
-    ``stance_time_s`` (k,) and ``stance_position_m`` (k, 3) are the boot's stances, ``gaits``
-    (k - 1) how each next one was reached. ``installed`` has the time at which each DAP was set down.
+    ``foot`` is the pose of the sensor on the boot. Of the boot's stances, ``stance_time_s`` (k,)
+    is the middle and ``stance_position_m`` (k, 3) the sensor's place then (NED); ``gaits`` (k - 1)
+    tells how each next one was reached. ``installed`` has when each DAP was set down.
     """
 
     body: BodyTrack
+    foot: FootPath
     stance_time_s: Array
     stance_position_m: Array
     gaits: tuple[Gait, ...]
     installed: dict[NodeId, float]
 
-
-def simulate_walk(scenario: Scenario, responder_id: NodeId, seed: int) -> Walk:  # noqa: ARG001
-    """Return how ``responder_id`` moves in the exercise of ``seed``."""
-    responder = scenario.responders[responder_id]
-    person = scenario.person_of(responder_id)
-    north_m, east_m, down_m, heading_rad = scenario.start_of(responder_id)
-    times, points, headings = [responder.start_s], [(north_m, east_m, down_m)], [heading_rad]
-    gaits: list[Gait] = []
-    installed: dict[NodeId, float] = {}
-    for leg in responder.route:
-        if isinstance(leg, Stand):
-            if leg.installs is not None:
-                installed[leg.installs] = times[-1] + leg.for_s / 2.0
-            targets: list[tuple[float, float, float]] = []
-            times.append(times[-1] + leg.for_s)
-            points.append(points[-1])
-            headings.append(headings[-1])
-            gaits.append("stand")
-        elif isinstance(leg, Move):
-            habit = getattr(person, leg.gait)
-            targets = [(*point, points[-1][2]) for point in leg.to_m]
-        else:
-            habit = person.stairs_up
-            targets = [_other_end(scenario, leg, points[-1])]
-        for target in targets:
-            step = np.subtract(target, points[-1])
-            heading = float(np.arctan2(step[1], step[0]))
-            strides = float(np.linalg.norm(step)) / habit.stride_m
-            times += [times[-1] + 0.5, times[-1] + 0.5 + strides * habit.stride_s]
-            points += [points[-1], target]
-            headings += [heading, heading]
-            gaits += ["stand", leg.gait if isinstance(leg, Move) else "stairs_up"]
-    time_s, position_m = np.array(times), np.array(points)
-    track = BodyTrack(time_s, position_m, np.unwrap(np.array(headings)))
-    grid_s = np.arange(time_s[0], time_s[-1], 1.0 / BODY_RATE_HZ)
-    body = BodyTrack(grid_s, *track.at(grid_s))
-    return Walk(body, time_s, position_m, tuple(gaits), installed)
+    @property
+    def stride_m(self) -> Array:
+        """True lengths of the strides (k - 1,), height included."""
+        return np.asarray(np.linalg.norm(np.diff(self.stance_position_m, axis=0), axis=1))
 
 
-def _other_end(
-    scenario: Scenario, leg: Climb, here: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    flight = scenario.building.flight(leg.stairs)
-    foot = (*flight.foot_m, -scenario.building.floor_height_m(flight.lower_floor))
-    head = (*flight.head_m, -scenario.building.floor_height_m(flight.upper_floor))
-    if np.linalg.norm(np.subtract(here, foot)) < np.linalg.norm(np.subtract(here, head)):
-        return head
-    return foot
+def simulate_walk(scenario: Scenario, responder_id: NodeId, seed: int) -> Walk:
+    """Return how ``responder_id`` moves in the exercise of ``seed``.
+
+    Raises ``ValueError`` if the route climbs stairs that it has not come to.
+    """
+    chance = generator(seed, "walk", responder_id)
+    route = plan_route(scenario, responder_id, chance)
+    falls = route.footfalls
+    took_s = np.array([fall.stride_s for fall in falls])
+    dwell_s = np.array([fall.dwell_s for fall in falls])
+    reached_s = scenario.responders[responder_id].start_s + np.cumsum(took_s)
+    reached_s[1:] += np.cumsum(dwell_s)[:-1]
+    left_s = reached_s + dwell_s
+    foot = _foot_path(falls, reached_s, left_s, chance)
+    stance_time_s = 0.5 * (reached_s + left_s)
+    position_m, _ = foot.pose(stance_time_s)
+    return Walk(
+        body=_body_track(falls, reached_s, left_s),
+        foot=foot,
+        stance_time_s=stance_time_s,
+        stance_position_m=position_m,
+        gaits=tuple(fall.gait for fall in falls[1:]),
+        installed={
+            dap: float(reached_s[k] + after_s) for dap, (k, after_s) in route.installs.items()
+        },
+    )
+
+
+def _body_track(falls: list[Footfall], reached_s: Array, left_s: Array) -> BodyTrack:
+    """The hip passes over the boot as the boot is in mid-stance, and goes on in between."""
+    knots_s = np.column_stack([reached_s, left_s]).ravel()
+    moments = np.append(True, np.diff(knots_s) > 0.0)
+    places = np.array([[*fall.body_m, fall.facing_rad] for fall in falls]).repeat(2, axis=0)
+    track = PchipInterpolator(knots_s[moments], places[moments])
+    count = max(2, int((knots_s[-1] - knots_s[0]) * BODY_RATE_HZ) + 1)
+    time_s = np.linspace(knots_s[0], knots_s[-1], count)
+    at = track(time_s)
+    return BodyTrack(time_s, at[:, :3], at[:, 3])
+
+
+def _foot_path(
+    falls: list[Footfall], reached_s: Array, left_s: Array, chance: np.random.Generator
+) -> FootPath:
+    place_m = np.array([fall.place_m for fall in falls])
+    stride_m = np.linalg.norm(np.diff(place_m, axis=0), axis=1)
+    start_s, end_s = left_s[:-1], reached_s[1:]
+    gaits = tuple(fall.gait for fall in falls[1:])
+    table = varied_shapes(gaits, stride_m, end_s - start_s, chance)
+    shape = StrideShape(*table)
+    passed = left_s[1:] == reached_s[1:]
+    passed[-1:] = False
+    return FootPath(
+        start_s=start_s,
+        duration_s=end_s - start_s,
+        shape=table,
+        place_m=place_m,
+        facing_rad=np.array([fall.facing_rad for fall in falls]),
+        posture_rad=np.array([fall.posture_rad for fall in falls]),
+        roll_rate_rad_s=np.append(0.0, shape.passing_rad_s * passed),
+        sole=Sole(*chance.normal(SENSOR_PLACE_M, SENSOR_PLACE_SPREAD_M)),
+        unrest=unrest(reached_s[0], start_s, end_s, shape.unrest, left_s[-1], chance),
+    )
