@@ -1,0 +1,98 @@
+"""What a DAP hears in an exercise: readings of signal strength, scan by scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.messages import NodeId
+from shared.simulation.chance import generator
+from shared.simulation.installation import installation_truth
+from shared.simulation.propagation import (
+    draw_surroundings,
+    probability_heard,
+    received_power_dbm,
+)
+from shared.simulation.scenario import Scenario
+from shared.simulation.walker import simulate_walk
+
+Array: TypeAlias = NDArray[np.float64]
+
+SCAN_JITTER = 0.1
+"""Scans come early or late by up to this share of their period."""
+
+
+class RadioChannel:
+    """The link between a DAP, from its installation on, and a responder."""
+
+    def __init__(self, scenario: Scenario, dap_id: NodeId, responder_id: NodeId, seed: int) -> None:
+        radio = scenario.radio
+        self._radio = radio
+        self._plan = scenario.building
+        self._body = simulate_walk(scenario, responder_id, seed).body
+        self._installed_s, self._dap_m, _ = installation_truth(scenario, dap_id, seed)
+        self._around = draw_surroundings(radio, generator(seed, "surroundings", dap_id))
+        worn = generator(seed, "radio of responder", responder_id).normal()
+        laid = generator(seed, "radio of DAP", dap_id).normal()
+        self._offset_db = radio.responder_offset_sd_db * worn + radio.dap_offset_sd_db * laid
+        self._scans = (seed, "scans", dap_id)
+        self._noise = (seed, "readings", dap_id, responder_id)
+
+    @property
+    def end_s(self) -> float:
+        """When the responder is done."""
+        return float(self._body.time_s[-1])
+
+    def power_dbm(self, body_m: Array, heading_rad: Array) -> Array:
+        """Return the power (n,) at the DAP of the responder at ``body_m`` (n, 3), noise apart."""
+        return self._offset_db + received_power_dbm(
+            self._radio, self._plan, self._around, self._dap_m, body_m, heading_rad
+        )
+
+    def scan_times_s(self, until_s: float) -> Array:
+        """Return when the DAP scans, whoever is there: the same for all its channels."""
+        period_s = 1.0 / self._radio.scan_rate_hz
+        count = max(0, int((until_s - self._installed_s) / period_s))
+        jitter = generator(*self._scans).uniform(-SCAN_JITTER, SCAN_JITTER, count)
+        return np.asarray(self._installed_s + (np.arange(count) + 0.5 + jitter) * period_s)
+
+    def readings(self) -> tuple[Array, Array]:
+        """Return times (s, ascending) and values (dBm, whole numbers) of the readings heard.
+
+        There is one at most for each scan, and none before the responder is there.
+        """
+        time_s = self.scan_times_s(self.end_s)
+        body_m, heading_rad = self._body.at(time_s)
+        chance = generator(*self._noise)
+        noise_db = self._radio.noise_sd_db * chance.normal(size=len(time_s))
+        rssi_dbm = np.round(self.power_dbm(body_m, heading_rad) + noise_db)
+        heard = chance.random(len(time_s)) < probability_heard(self._radio, rssi_dbm)
+        heard &= time_s >= self._body.time_s[0]
+        return time_s[heard], rssi_dbm[heard]
+
+
+@dataclass(frozen=True)
+class Scans:
+    """All scans of a DAP: ``time_s`` (n,), and of each responder ``rssi_dbm`` (n,), NaN if lost."""
+
+    time_s: Array
+    rssi_dbm: dict[NodeId, Array]
+
+
+def simulate_scans(scenario: Scenario, dap_id: NodeId, seed: int) -> Scans:
+    """Return what ``dap_id`` hears in the exercise of ``seed``, until all responders are done."""
+    channels = {
+        responder_id: RadioChannel(scenario, dap_id, responder_id, seed)
+        for responder_id in scenario.responders
+    }
+    last = max(channels.values(), key=lambda channel: channel.end_s)
+    time_s = last.scan_times_s(last.end_s)
+    rssi_dbm = {}
+    for responder_id, channel in channels.items():
+        heard_s, values_dbm = channel.readings()
+        rssi_dbm[responder_id] = np.full(len(time_s), np.nan)
+        rssi_dbm[responder_id][np.searchsorted(time_s, heard_s)] = values_dbm
+    return Scans(time_s, rssi_dbm)
