@@ -141,8 +141,10 @@ class Evidence:
         moves = sorted(self._increments.get(responder_id, {}).items())
         next_ns = [mark[0] for mark, _ in starts[1:]]
         rows: dict[int, Floats] = {}
+        place_m = np.zeros(3)
         for (mark, start), end_ns in zip(starts, [*next_ns, math.inf], strict=True):
-            place_m = _vector(start.position)
+            if start.position is not None:
+                place_m = _vector(start.position)
             rows[mark[0]] = place_m
             for (time_ns, _), move in moves:
                 if mark[0] < time_ns <= end_ns:

@@ -15,6 +15,8 @@ from shared.topics import Key
 REHEARSAL_START_NS = 1_767_225_600 * NS_PER_S
 """When every rehearsal begins, so that it comes out the same each time: 2026-01-01 00:00 UTC."""
 
+REHEARSAL_INCIDENT = "rehearsal"
+
 HEAR_S = 0.2
 ASK_TIMEOUT_S = 0.5
 
@@ -42,3 +44,13 @@ def _first_start(heard: Iterable[Received]) -> ExerciseStart | None:
             if isinstance(message, ExerciseStart):
                 return message
     return None
+
+
+def seeds_in(text: str) -> range:
+    """Return the seeds that ``text`` names, as in ``7`` or ``0-9``; ``ValueError`` if none."""
+    first, dash, last = text.partition("-")
+    if first.isdecimal() and (last.isdecimal() if dash else not last):
+        seeds = range(int(first), int(last if dash else first) + 1)
+        if seeds:
+            return seeds
+    raise ValueError(f"seeds {text!r}: write one, as in 7, or the first and the last, as in 0-9")

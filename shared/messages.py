@@ -69,9 +69,13 @@ class LocalPosition(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
 
 class TrackStart(Message, frozen=True, kw_only=True):
-    """A responder goes in: where they stand now, and how well their heading is known."""
+    """A responder goes in, or their agent begins anew: where they stand, how well they head.
 
-    position: LocalPosition
+    Without ``position`` the agent does not know: they stand where the post had them last, or, if
+    it never had, at the incident's origin.
+    """
+
+    position: LocalPosition | None
     heading_sd_rad: StandardDeviation
     mount: Mount
     method: NodeId

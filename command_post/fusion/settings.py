@@ -19,8 +19,9 @@ class FusionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     ``seed`` begins every responder's random numbers and ``particles`` is each one's number of
     particles. ``start_drift_sd_rad`` spreads δφ at the start. The cloud is resampled by ``scheme``
     when its effective count falls below ``resample_below`` × ``particles``; 1 is at every
-    measurement. Someone who is heard without a start is put at the incident's origin, give or take
-    ``unknown_start_sd_m`` each way, heading anywhere.
+    measurement. Who starts without saying where is put at the incident's origin, give or take
+    ``entrance_sd_m`` each way; who is heard without a start, ``unknown_start_sd_m`` each way and
+    heading anywhere.
     """
 
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
@@ -28,6 +29,7 @@ class FusionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     start_drift_sd_rad: Annotated[float, Meta(ge=0.0, le=math.pi)] = math.radians(1.0)
     scheme: Scheme = "systematic"
     resample_below: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.5
+    entrance_sd_m: Annotated[float, Meta(gt=0.0, le=1e4)] = 1.0
     unknown_start_sd_m: Annotated[float, Meta(gt=0.0, le=1e4)] = 30.0
     motion: MotionModel = MotionModel()
     proximity: ProximityModel = ProximityModel()

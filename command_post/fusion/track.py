@@ -57,7 +57,8 @@ class Estimate(NamedTuple):
 class Track:
     """A particle filter fed with one responder's strides and proximities, in the order of time.
 
-    ``start`` is the responder's own, or ``None`` for one who is heard without. The heading offset
+    ``start`` is the responder's own, or ``None`` for one who is heard without; ``position`` is
+    where the track begins. The heading offset
     of the agent's frame is in the particles; height is the sum of the increments' heights.
     """
 
@@ -65,12 +66,12 @@ class Track:
         self,
         responder_id: str,
         start: TrackStart | None,
+        position: LocalPosition,
         time_ns: int,
         settings: FusionSettings,
     ) -> None:
         self._settings = settings
         self._generator = _generator(settings.seed, responder_id)
-        position = _unknown_start(settings) if start is None else start.position
         self._particles = spread(
             position,
             math.pi if start is None else start.heading_sd_rad,
@@ -173,10 +174,9 @@ def _generator(seed: int, responder_id: str) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(words))
 
 
-def _unknown_start(settings: FusionSettings) -> LocalPosition:
-    variance_m2 = settings.unknown_start_sd_m**2
-    covariance_m2 = (variance_m2, 0.0, variance_m2)
-    return LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=covariance_m2)
+def origin(sd_m: float) -> LocalPosition:
+    """Return the incident's origin, give or take ``sd_m`` each way."""
+    return LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(sd_m**2, 0.0, sd_m**2))
 
 
 def _within(value: float, bound: float) -> float:

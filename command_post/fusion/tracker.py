@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from command_post.fusion.dap_map import DapMap, InstalledDap
 from command_post.fusion.settings import FusionSettings
-from command_post.fusion.track import Estimate, Track
+from command_post.fusion.track import Estimate, Track, origin
 from shared.messages import (
     DapInstallation,
     LocalPosition,
@@ -57,7 +57,8 @@ class Tracker:
                 self.counts["stale_start"] += 1
             if start.event_time_ns <= before.started_ns:
                 return None
-        track = Track(responder_id, start, start.event_time_ns, self._settings)
+        position = start.position or self._last_place(before, start.event_time_ns)
+        track = Track(responder_id, start, position, start.event_time_ns, self._settings)
         for increment in () if before is None else tuple(before.increments):
             if increment.event_time_ns > start.event_time_ns:
                 track.move(increment)
@@ -69,7 +70,8 @@ class Tracker:
         track = self._tracks.get(responder_id)
         if track is None:
             self.counts["unknown_start"] += 1
-            track = Track(responder_id, None, increment.event_time_ns, self._settings)
+            somewhere = origin(self._settings.unknown_start_sd_m)
+            track = Track(responder_id, None, somewhere, increment.event_time_ns, self._settings)
             self._tracks[responder_id] = track
         self.counts["lost_increment"] += track.move(increment)
         return track.estimate
@@ -101,6 +103,12 @@ class Tracker:
             return None
         asks = outcome == "placed" or said.position is None
         return self._daps[dap_id] if asks else None
+
+    def _last_place(self, before: Track | None, time_ns: int) -> LocalPosition:
+        """Return where one who does not say it starts: where they were held to be, if started."""
+        if before is None or before.started_ns is None:
+            return origin(self._settings.entrance_sd_m)
+        return before.estimate_at(time_ns).position
 
     def _place_of(self, responder_id: str, time_ns: int) -> LocalPosition | None:
         track = self._tracks.get(responder_id)

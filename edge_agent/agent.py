@@ -1,0 +1,139 @@
+"""The agent's shell: samples to the mount, what it finds to the bus, at the pace of the clock.
+
+The agent knows no time but that of its samples: whoever drives it waits for each (live) or does
+not (rehearsal), and the same messages come out.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import chain
+
+from edge_agent.mounts.interface import Increment, Mount
+from edge_agent.sources.opening import Reading, TruePlace
+from shared.messages import (
+    ImuBatch,
+    ImuSample,
+    LocalPosition,
+    OdometryIncrement,
+    TrackStart,
+    Truth,
+    Vector3,
+)
+from shared.sender import Sender
+
+IMU_BATCH_S = 0.25
+
+
+class Agent:
+    """One responder's unit: takes samples in event time, sends what it makes of them."""
+
+    def __init__(
+        self,
+        sender: Sender,
+        mount: Mount,
+        method: str,
+        start: LocalPosition | None,
+    ) -> None:
+        """``start``: where the wearer stands at first; ``None`` if the post is to know."""
+        self._sender = sender
+        self._mount = mount
+        self._method = method
+        self._start = start
+        self._batch: list[ImuSample] = []
+        self._told_sd_rad: float | None = None
+        self._moved = False
+        self.start_payload: bytes | None = None
+        """The newest start as it was sent, for posts that come late and ask; ``None`` before."""
+
+    def take(self, reading: Reading) -> None:
+        """Take in a sample, whose time is on the clock the incident goes by, or the truth."""
+        if isinstance(reading, TruePlace):
+            self._send_truth(reading)
+        else:
+            self._take_sample(reading)
+
+    def finish(self) -> None:
+        """Send what is still held."""
+        if self._batch:
+            self._send_batch()
+
+    def _take_sample(self, sample: ImuSample) -> None:
+        self._record(sample)
+        increment = self._mount.step(sample)
+        # The first heading gets better, or doubtful, as long as the wearer stands.
+        if not self._moved and self._mount.ready:
+            heading_sd_rad = self._mount.heading_sd_rad
+            if heading_sd_rad != self._told_sd_rad:
+                self._told_sd_rad = heading_sd_rad
+                start_ns = sample.time_ns if increment is None else increment.start_time_ns
+                self._send_start(start_ns, heading_sd_rad)
+        if increment is not None:
+            self._moved = True
+            self._send_increment(increment)
+
+    def _send_truth(self, place: TruePlace) -> None:
+        north_m, east_m, down_m = place.position_m
+        self._sender.send(
+            Truth(
+                event_time_ns=place.time_ns,
+                sequence=self._sender.next_sequence(Truth),
+                north_m=north_m,
+                east_m=east_m,
+                down_m=down_m,
+            )
+        )
+
+    def _record(self, sample: ImuSample) -> None:
+        # A batch with one number that is not finite would be refused whole.
+        if all(map(math.isfinite, (*sample.force_m_s2, *sample.rate_rad_s))):
+            self._batch.append(sample)
+        if self._batch and sample.time_ns - self._batch[0].time_ns >= IMU_BATCH_S * 1e9:
+            self._send_batch()
+
+    def _send_start(self, time_ns: int, heading_sd_rad: float) -> None:
+        self.start_payload = self._sender.send(
+            TrackStart(
+                event_time_ns=time_ns,
+                sequence=self._sender.next_sequence(TrackStart),
+                position=self._start,
+                heading_sd_rad=heading_sd_rad,
+                mount="boot",
+                method=self._method,
+            )
+        )
+
+    def _send_increment(self, increment: Increment) -> None:
+        d_north_m, d_east_m, d_down_m = increment.displacement_m
+        self._sender.send(
+            OdometryIncrement(
+                event_time_ns=increment.end_time_ns,
+                sequence=self._sender.next_sequence(OdometryIncrement),
+                start_time_ns=increment.start_time_ns,
+                d_north_m=d_north_m,
+                d_east_m=d_east_m,
+                d_down_m=d_down_m,
+                d_heading_rad=increment.d_heading_rad,
+                heading_rad=increment.heading_rad,
+                covariance=increment.covariance,
+                mount="boot",
+            )
+        )
+
+    def _send_batch(self) -> None:
+        batch, self._batch = self._batch, []
+        fields_ut = [sample.field_ut for sample in batch if sample.field_ut is not None]
+        self._sender.send(
+            ImuBatch(
+                event_time_ns=batch[-1].time_ns,
+                sequence=self._sender.next_sequence(ImuBatch),
+                time_ns=tuple(sample.time_ns for sample in batch),
+                force_m_s2=_flat([sample.force_m_s2 for sample in batch]),
+                rate_rad_s=_flat([sample.rate_rad_s for sample in batch]),
+                field_ut=_flat(fields_ut) if len(fields_ut) == len(batch) else (),
+            )
+        )
+
+
+def _flat(vectors: list[Vector3]) -> tuple[float, ...]:
+    return tuple(chain.from_iterable(vectors))

@@ -1,0 +1,165 @@
+"""``edge-agent run`` and ``edge-agent rehearse``: follow a responder, live or offline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Event
+from typing import Annotated
+
+import structlog
+from cyclopts import Parameter
+from rich.console import Console
+from rich.progress import track
+
+from edge_agent.agent import Agent
+from edge_agent.mounts.methods import MethodName, make_mount
+from edge_agent.sources.opening import Reading, open_source
+from edge_agent.sources.recording import SourceError
+from shared.bus.wire_log import WireLogBus
+from shared.bus.zenoh_bus import open_zenoh
+from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
+from shared.config import ConfigError
+from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
+from shared.messages import LocalPosition, NodeId, TrackStart
+from shared.process import ExitCode, stop_on_signals, stop_with_parent, wait_until
+from shared.sender import Sender
+from shared.simulation.scenario import load_scenario
+from shared.topics import alive_key, check_id
+
+DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
+WAIT_AHEAD_NS = 10_000_000
+"""Samples this close together are taken without a wait between them."""
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+def run(
+    *,
+    responder_id: Annotated[str, Parameter(name="--id")],
+    source: str,
+    incident: str = "incident",
+    method: MethodName = "linear",
+    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
+    start: tuple[float, float, float] | None = None,
+    speed: float = 1.0,
+    seed: int = 1,
+    await_start: bool = False,
+    with_parent: Annotated[bool, Parameter(show=False)] = False,
+) -> int:
+    """Follow one responder and publish their movement, until the source ends or SIGINT, SIGTERM.
+
+    Example: edge-agent run --id r1 --source csv:walk.csv --speed 4
+
+    Parameters
+    ----------
+    responder_id
+        Name of the responder.
+    source
+        csv:FILE (a vendor's export), npz:FILE, mcap:FILE[#responder] or simulated:SCENARIO.
+    incident
+        Name of the incident.
+    method
+        How the boot's sensor is read.
+    connect
+        DAPs and posts to dial, one an option; the first that answers is kept to.
+    start
+        Where the wearer stands at first: metres north, east and down of the incident's origin.
+    speed
+        How many times as fast as it was recorded.
+    seed
+        Of a simulated source.
+    await_start
+        Begin with the exercise, at its speed.
+    with_parent
+        Stop when standard input closes.
+
+    """
+    try:
+        check_id(incident, "--incident")
+        check_id(responder_id, "--id")
+        opened = open_source(source, responder_id, seed)
+        with stop_on_signals() as stop, open_zenoh("client", connect=connect) as bus:
+            if with_parent:
+                stop_with_parent(stop)
+            sender = Sender(bus, incident, "responder", responder_id)
+            agent = Agent(sender, make_mount("boot", method), method, _place(start) or opened.start)
+            bus.answer(sender.key(TrackStart), lambda: agent.start_payload)
+            bus.declare_alive(alive_key(incident, "responder", responder_id))
+            clock: Clock = ScaledClock(SystemClock().now_ns(), speed)
+            begin_ns = clock.now_ns()
+            if await_start:
+                exercise = await_exercise(bus, incident, stop)
+                if exercise is None:
+                    return ExitCode.OK
+                begin_ns = exercise.event_time_ns
+                clock = ScaledClock(begin_ns, exercise.speed)
+            _follow(agent, opened.beginning_at(begin_ns), clock, stop)
+    except (SourceError, ConfigError, ValueError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    return ExitCode.OK
+
+
+def rehearse(scenario: str, *, seeds: str = "1", output: Path) -> int:
+    """Follow all responders of a scenario offline, and write what they would have published.
+
+    Leaves a wire log for each responder, OUTPUT/SEED/RESPONDER.wire. Example: edge-agent rehearse
+    four_daps --seeds 0-9 --output logs
+
+    Parameters
+    ----------
+    scenario
+        A packaged scenario's name, or a TOML file.
+    seeds
+        One seed, or the first and the last: 0-9.
+    output
+        Folder for the logs.
+
+    """
+    try:
+        responders = load_scenario(scenario).responders
+        jobs = [(seed, one) for seed in seeds_in(seeds) for one in responders]
+        console = Console(stderr=True)
+        for seed, responder_id in track(
+            jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
+        ):
+            _rehearse(scenario, responder_id, seed, output / str(seed))
+    except (ConfigError, SourceError, ValueError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    return ExitCode.OK
+
+
+def _rehearse(scenario: str, responder_id: NodeId, seed: int, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    clock = ManualClock(REHEARSAL_START_NS)
+    source = open_source(f"simulated:{scenario}", responder_id, seed)
+    with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
+        sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
+        agent = Agent(sender, make_mount("boot", "linear"), "linear", source.start)
+        for reading in source.beginning_at(REHEARSAL_START_NS):
+            clock.set_ns(reading.time_ns)
+            agent.take(reading)
+        agent.finish()
+
+
+def _follow(agent: Agent, readings: Iterator[Reading], clock: Clock, stop: Event) -> None:
+    """Hand ``readings`` to the agent as the clock comes to their times, until ``stop`` is set."""
+    waited_ns = 0
+    for reading in readings:
+        if reading.time_ns >= waited_ns:
+            if not wait_until(clock, reading.time_ns, stop):
+                return
+            waited_ns = reading.time_ns + WAIT_AHEAD_NS
+        agent.take(reading)
+    agent.finish()
+
+
+def _place(start: tuple[float, float, float] | None) -> LocalPosition | None:
+    if start is None:
+        return None
+    north_m, east_m, down_m = start
+    return LocalPosition(
+        north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=(1.0, 0.0, 1.0)
+    )
