@@ -202,7 +202,8 @@ def _compare(track: Track, truth: Track | None) -> _Compared | None:
     if truth is None:
         return None
     last_s = truth.time_s[-1]
-    seconds = np.arange(math.ceil(max(track.time_s[0], truth.time_s[0])), last_s + 1e-9)
+    first_s = max(track.time_s[0], truth.time_s[0])
+    seconds = np.arange(math.ceil(first_s), math.floor(last_s) + 1.0)
     if seconds.size == 0:
         return None
     end_m = track.at(np.array([last_s])).position_m[0] - truth.position_m[-1]

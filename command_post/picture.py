@@ -59,7 +59,7 @@ def draw_tracks(evidence: Evidence, plan: Plan | None, path: Path) -> None:
         figure.legend(handles=entries, loc="outside right upper", frameon=False, fontsize=9)
     figure.set_canvas(FigureCanvasAgg(figure))
     with replace_atomically(path) as file:
-        figure.savefig(file, format="png")
+        figure.savefig(file, format="png", bbox_inches="tight", pad_inches=0.15)
 
 
 def _draw_responders(axes: Axes, evidence: Evidence) -> list[Line2D]:

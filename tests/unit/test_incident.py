@@ -1,0 +1,147 @@
+"""The incident: decodes, refuses and counts, fuses, and says what comes of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from command_post import incident as incident_module
+from command_post.incident import Incident, IncidentSettings, Notice, Outgoing
+from shared.codec import decode, encode, parse_key
+from shared.messages import DapEstimate, Message, RssiReport, TrackEstimate
+from shared.topics import Key, Role
+from tests.stride_world import (
+    at_ns,
+    exercise,
+    installation,
+    key_of,
+    proximity,
+    stride,
+    track_start,
+)
+
+
+def hear(incident: Incident, role: Role, node_id: str, message: Message) -> list[Outgoing]:
+    key = key_of(role, node_id, type(message))
+    return incident.handle(str(key), encode(message), message.event_time_ns)
+
+
+def decoded(outgoing: Outgoing) -> Message:
+    key = parse_key(outgoing.key)
+    assert isinstance(key, Key)
+    message = decode(key, outgoing.payload)
+    assert isinstance(message, Message), message
+    return message
+
+
+def test_what_comes_of_it_goes_out_under_the_posts_keys() -> None:
+    incident = Incident(IncidentSettings())
+    made = [
+        *hear(incident, "responder", "r1", track_start(0.0)),
+        *hear(incident, "responder", "r1", stride(1.0, 1.2, 0.0)),
+        *hear(incident, "dap", "dap2", installation(1.5, "r1")),
+        *hear(incident, "dap", "dap2", proximity(1.8, "r1")),
+        *incident.finish(at_ns(2.0)),
+    ]
+    track, dap_place = (f"clew/v1/exercise/post/post/{topic}" for topic in ("track", "dap_place"))
+    assert [outgoing.key for outgoing in made] == [track, track, dap_place, track]
+    first, second, placed, tied = map(decoded, made)
+    assert isinstance(second, TrackEstimate)
+    assert isinstance(placed, DapEstimate)
+    assert isinstance(tied, TrackEstimate)
+    assert placed.position.north_m == second.north_m
+    assert placed.event_time_ns == at_ns(1.5)
+    assert tied.last_proximity_time_ns == at_ns(1.8)
+    assert [first.sequence, second.sequence, tied.sequence, placed.sequence] == [0, 1, 2, 0]
+
+
+def test_nothing_is_released_before_the_hold() -> None:
+    incident = Incident(IncidentSettings())
+    assert hear(incident, "responder", "r1", track_start(0.0)) == []
+    assert hear(incident, "responder", "r1", stride(1.0, 1.2, 0.0)) == []
+    assert len(hear(incident, "responder", "r1", stride(2.0, 1.2, 0.0, sequence=1))) == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "payload", "kind"),
+    [
+        ("nonsense", b"", ("unknown_key", "?")),
+        ("clew/v9/exercise/responder/r1/increment", b"", ("unknown_version", "r1")),
+        ("clew/v1/exercise/responder/r1/nothing", b"", ("unknown_key", "r1")),
+        ("clew/v1/exercise/responder/r1/increment", b"\xc1", ("not_messagepack", "r1")),
+        ("clew/v1/exercise/responder/r1/increment", b"\x80", ("invalid", "r1")),
+        ("clew/v1/exercise/responder/r1/imu", b"\x80", ("invalid", "r1")),
+        ("clew/v1/exercise/dap/d1/truth", b"\x80", ("invalid", "d1")),
+        ("clew/v1/exercise/dap/d1/rssi", bytes(70_000), ("too_large", "d1")),
+    ],
+)
+def test_what_is_refused_is_counted_and_told_once(
+    key: str, payload: bytes, kind: tuple[str, str]
+) -> None:
+    incident = Incident(IncidentSettings())
+    for _ in range(3):
+        assert incident.handle(key, payload, at_ns(0.0)) == []
+    assert incident.refusals == {kind: 3}
+    (notice,) = incident.take_notices()
+    assert (notice.reason, notice.node_id) == kind
+    assert notice.detail
+    assert incident.take_notices() == []
+    assert not incident.heard_ns
+
+
+def test_another_incident_is_refused() -> None:
+    incident = Incident(IncidentSettings(incident="here"))
+    hear(incident, "responder", "r1", track_start(0.0))
+    assert incident.refusals == {("foreign_incident", "r1"): 1}
+    assert incident.take_notices() == [Notice("foreign_incident", "r1", "of 'exercise'")]
+    assert incident.finish(at_ns(9.0)) == []
+
+
+def test_what_a_post_says_is_passed_over() -> None:
+    incident = Incident(IncidentSettings())
+    assert incident.handle("clew/v1/exercise/post/other/track", b"anything", at_ns(0.0)) == []
+    assert not incident.refusals
+
+
+def test_raw_readings_are_heard_and_not_fused() -> None:
+    incident = Incident(IncidentSettings())
+    report = RssiReport(event_time_ns=at_ns(1.0), sequence=0, responder_id="r1", rssi_dbm=-40.0)
+    hear(incident, "dap", "d1", report)
+    assert incident.heard_ns == {("dap", "d1"): at_ns(1.0)}
+    assert incident.finish(at_ns(9.0)) == []
+
+
+def test_nodes_beyond_the_limit_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(incident_module, "MOST_NODES", 2)
+    incident = Incident(IncidentSettings())
+    for name in ("r1", "r2", "r3", "r1"):
+        hear(incident, "responder", name, stride(1.0, 1.0, 0.0))
+    assert incident.refusals == {("too_many_nodes", "r3"): 1}
+    incident.finish(at_ns(9.0))
+    assert set(incident.estimates) == {"r1", "r2"}
+
+
+def test_kinds_of_refusal_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(incident_module, "MOST_REFUSAL_KINDS", 2)
+    incident = Incident(IncidentSettings())
+    for k in range(5):
+        incident.handle(f"clew/v1/exercise/responder/r{k}/imu", b"", at_ns(0.0))
+    assert incident.refusals[("not_messagepack", "?")] + len(incident.refusals) - 1 == 5
+    assert len(incident.refusals) == 3
+
+
+def test_what_was_sent_twice_counts_once() -> None:
+    once, twice = Incident(IncidentSettings()), Incident(IncidentSettings())
+    heard = exercise(1)[:200]
+    made_once = [o for h in heard for o in once.handle(h.key, h.payload, h.now_ns)]
+    made_twice = [o for h in heard for _ in "ab" for o in twice.handle(h.key, h.payload, h.now_ns)]
+    assert made_once == made_twice
+    assert twice.counts["repeated"] > 100
+
+
+def test_settings_travel_with_a_recording() -> None:
+    settings = IncidentSettings(incident="fire-7", post_id="cp")
+    assert IncidentSettings.from_metadata(settings.as_metadata()) == settings
+    with pytest.raises(ValueError, match="does not say its settings"):
+        IncidentSettings.from_metadata({})
+    with pytest.raises(ValueError, match="cannot be used"):
+        IncidentSettings.from_metadata({"incident_settings": '{"incident": 4}'})
