@@ -49,9 +49,9 @@ class Children:
                 start_new_session=True,
             )
 
-    def pid(self, name: str) -> int:
-        """Process id of a child."""
-        return self._processes[name].pid
+    def names(self) -> list[str]:
+        """Names of all that were started."""
+        return list(self._processes)
 
     def running(self) -> list[str]:
         """Names of those that still run."""

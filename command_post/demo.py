@@ -7,7 +7,7 @@ gives the start, and scores the recording against the simulated truth when all h
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from threading import Event
 from typing import NamedTuple
@@ -79,12 +79,16 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
                 return False
             start = _give_the_start(settings, bus)
             say(f"exercise started: {start.scenario}, seed {start.seed}, {start.speed:g}x")
+            told: set[str] = set()
             while walkers := [name for name in children.running() if name != POST_ID]:
-                _check(children, settings.directory)
+                _check(settings, children, [POST_ID])
+                for name, exit_code in children.failed():
+                    if name not in told:
+                        told.add(name)
+                        say(f"{name} ended with exit code {exit_code}; going on without")
                 if stop.wait(POLL_S):
                     say("stopping " + ", ".join(walkers))
                     return False
-        _check(children, settings.directory)
     return True
 
 
@@ -145,7 +149,7 @@ def _wait_until_alive(settings: DemoSettings, bus: Bus, children: Children, stop
     clock = SystemClock()
     deadline_ns = clock.now_ns() + round(READY_TIMEOUT_S * 1e9)
     while not expected <= alive:
-        _check(children, settings.directory)
+        _check(settings, children, children.names())
         if clock.real_seconds_until(deadline_ns) < 0.0:
             missing = ", ".join(sorted(expected - alive))
             raise DemoError(f"not alive after {READY_TIMEOUT_S:g} s: {missing}")
@@ -168,7 +172,8 @@ def _give_the_start(settings: DemoSettings, bus: Bus) -> ExerciseStart:
     return start
 
 
-def _check(children: Children, directory: Path) -> None:
+def _check(settings: DemoSettings, children: Children, needed: Collection[str]) -> None:
     for name, exit_code in children.failed():
-        log = directory / "logs" / f"{name}.log"
-        raise DemoError(f"{name} ended with exit code {exit_code}; its log: {log}")
+        if name in needed:
+            log = settings.directory / "logs" / f"{name}.log"
+            raise DemoError(f"{name} ended with exit code {exit_code}; its log: {log}")
