@@ -121,8 +121,9 @@ def _configuration(mode: Mode, connect: Sequence[str], listen: Sequence[str]) ->
 class ZenohBus:
     """A ``Bus`` over the network; ``open_zenoh`` makes one.
 
-    It may be used from any thread but from within a handler: handlers and answerers run on
-    Zenoh's threads and must only enqueue, or return what is at hand. Without a session (a client
+    It may be used from any thread but from within a handler, save that a daemon thread must not
+    declare. Handlers and answerers run on Zenoh's threads: they must only enqueue, or return what
+    is at hand. Without a session (a client
     before it finds a router) what is published is dropped and counted, queries find nobody, and
     declarations wait. Close clients before the routers they are connected to.
     """
@@ -138,7 +139,9 @@ class ZenohBus:
         self._declared: list[_Undeclarable] = []
         self._publishers: dict[tuple[str, Priority], zenoh.Publisher] = {}
         self._unsent = 0
-        self._opener = threading.Thread(target=self._open_client, name="zenoh-open", daemon=True)
+        # No daemon: the threads Zenoh makes for callbacks take after the one that declares them,
+        # and a daemon still inside Zenoh when the interpreter ends aborts the process.
+        self._opener = threading.Thread(target=self._open_client, name="zenoh-open", daemon=False)
         if mode == "client":
             self._opener.start()
         else:
