@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from threading import Event
+from threading import Event, Thread
 
 import structlog
 
@@ -20,10 +20,14 @@ from shared.bus.interface import Bus, Received
 from shared.clock import Clock, ScaledClock
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import ExerciseStart
-from shared.topics import TOPICS, Key, Priority, alive_key, all_alive_of, everything_of
+from shared.topics import TOPICS, Key, Priority, Role, alive_key, all_alive_of, everything_of
 
 INBOX_MESSAGES = 200_000
 SHOW_PERIOD_S = 0.25
+ASK_TIMEOUT_S = 0.5
+
+_ASKED: dict[Role, str] = {"responder": "start", "dap": "installation"}
+"""What is said rarely, by whom: whoever comes late asks for it."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -51,6 +55,7 @@ class Post:
         self._show = show
         self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
         self._alive: set[str] = set()
+        self._joined: Inbox[Key] = Inbox(1000)
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
 
@@ -60,12 +65,15 @@ class Post:
         self._bus.subscribe(everything_of(settings.incident), self._inbox.put)
         self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
+        greeter = Thread(target=self._greet, args=(stop,), name="greeter")
+        greeter.start()
         next_show_s = time.monotonic()
         while not stop.is_set():
             self._handle_all(self._inbox.get_all(SHOW_PERIOD_S))
             if time.monotonic() >= next_show_s:
                 self._show(self.roster())
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
+        greeter.join()
         self._handle_all(self._inbox.get_all())
         self._publish(self._recorded.finish(self._clock.now_ns()))
         self._show(self.roster())
@@ -102,10 +110,24 @@ class Post:
             _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
 
     def _note_alive(self, key: str, is_alive: bool) -> None:
-        if is_alive:
-            self._alive.add(key)
-        else:
+        if not is_alive:
             self._alive.discard(key)
+            return
+        self._alive.add(key)
+        incident, role, node_id = key.split("/")[2:5]
+        for node_role, topic in _ASKED.items():
+            if role == node_role:
+                self._joined.put(Key(incident, node_role, node_id, topic))
+
+    def _greet(self, stop: Event) -> None:
+        """Ask each node that comes for what it said before it was heard, until ``stop`` is set.
+
+        The answers go the way of everything heard; what was heard before is dropped as repeated.
+        """
+        while not stop.is_set():
+            key = self._joined.get(SHOW_PERIOD_S)
+            for received in self._bus.query(str(key), ASK_TIMEOUT_S) if key is not None else ():
+                self._inbox.put(received)
 
     def _tell_losses(self) -> None:
         for (reason, node_id), count in sorted(self._incident.refusals.items()):
