@@ -57,9 +57,9 @@ class Estimate(NamedTuple):
 class Track:
     """A particle filter fed with one responder's strides and proximities, in the order of time.
 
-    ``start`` is the responder's own, or ``None`` for one who is heard without; ``position`` is
-    where the track begins. The heading offset
-    of the agent's frame is in the particles; height is the sum of the increments' heights.
+    It begins at ``position``. ``start`` is the responder's own, or ``None`` for one who is heard
+    without: their heading may be any. The heading offset of the agent's frame is in the particles;
+    height is the sum of the increments' heights.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Track:
         self._sequence: int | None = None
         self._walked_m = 0.0
         self._tied_at_m: dict[str, float] = {}
-        self.increments: deque[OdometryIncrement] = deque(maxlen=REMEMBERED)
+        self._increments: deque[OdometryIncrement] = deque(maxlen=REMEMBERED)
         self._estimates: deque[Estimate] = deque(maxlen=REMEMBERED)
         self._remember()
 
@@ -100,6 +100,10 @@ class Track:
         """Return the last estimate not after ``time_ns``, or the oldest still remembered."""
         found = bisect_right(self._estimates, time_ns, key=lambda estimate: estimate.time_ns)
         return self._estimates[max(found - 1, 0)]
+
+    def moved_after(self, time_ns: int) -> list[OdometryIncrement]:
+        """Return the increments still remembered that ended after ``time_ns``, as they came."""
+        return [each for each in self._increments if each.event_time_ns > time_ns]
 
     def move(self, increment: OdometryIncrement) -> int:
         """Move by ``increment``; return how many were lost just before it.
@@ -118,7 +122,7 @@ class Track:
             self._time_ns = increment.event_time_ns
         self._down_m += increment.d_down_m
         self._walked_m += math.hypot(increment.d_north_m, increment.d_east_m)
-        self.increments.append(increment)
+        self._increments.append(increment)
         self._remember()
         return lost
 

@@ -59,9 +59,8 @@ class Tracker:
                 return None
         position = start.position or self._last_place(before, start.event_time_ns)
         track = Track(responder_id, start, position, start.event_time_ns, self._settings)
-        for increment in () if before is None else tuple(before.increments):
-            if increment.event_time_ns > start.event_time_ns:
-                track.move(increment)
+        for increment in before.moved_after(start.event_time_ns) if before else ():
+            track.move(increment)
         self._tracks[responder_id] = track
         return track.estimate
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 
 from command_post.fusion.motion_model import MotionModel, propagate
 from command_post.fusion.particle_filter import (
@@ -71,6 +73,28 @@ def test_increment_is_turned_by_offset_and_drift(
     moved = propagate(state, stride(1.0, 2.0, 1.0), 0, STILL, generator())
     assert moved[:2, 0] == pytest.approx(expected)
     assert moved[2:, 0].tolist() == [offset_rad, drift_rad]
+
+
+@given(*[st.floats(-100.0, 100.0)] * 2, *[st.floats(-1e4, 1e4)] * 2)
+def test_turning_keeps_the_length(
+    d_north_m: float, d_east_m: float, offset_rad: float, drift_rad: float
+) -> None:
+    state = np.array([[0.0, 0.0, offset_rad, drift_rad]]).T
+    moved = propagate(state, stride(1.0, d_north_m, d_east_m), 0, STILL, generator())
+    assert math.hypot(*moved[:2, 0]) == pytest.approx(math.hypot(d_north_m, d_east_m), abs=1e-9)
+
+
+@given(
+    arrays(np.float64, (4, 12), elements=st.floats(-1e3, 1e3)),
+    arrays(np.float64, 12, elements=st.floats(-600.0, 0.0)),
+)
+def test_covariances_are_positive(state: NDArray[np.float64], log: NDArray[np.float64]) -> None:
+    weighted = update(Particles(state, np.full(12, -math.log(12.0))), log)
+    assert weighted is not None
+    nn, ne, ee = moments(weighted).covariance_m2
+    assert nn >= 0.0
+    assert ee >= 0.0
+    assert nn * ee - ne**2 >= -1e-9 * (1.0 + nn * ee)
 
 
 def test_process_noise_is_on_all_four() -> None:
