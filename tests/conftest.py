@@ -6,6 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# The same examples every time, and as much time as a loaded machine needs.
+settings.register_profile("clew", derandomize=True, deadline=None)
+settings.load_profile("clew")
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 
