@@ -1,0 +1,131 @@
+"""The agent's shell: what goes out for what comes in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from edge_agent.agent import Agent
+from edge_agent.mounts.methods import make_mount
+from edge_agent.sources.opening import TruePlace, open_source
+from edge_agent.sources.recording import SourceError
+from shared.bus.interface import Received
+from shared.bus.memory import MemoryNetwork
+from shared.codec import Refusal, decode, parse_key
+from shared.messages import ImuBatch, ImuSample, Message, OdometryIncrement, TrackStart, Truth
+from shared.sender import Sender
+
+SHORT = Path(__file__).parent.parent / "scenarios" / "short.toml"
+
+
+@pytest.fixture
+def heard() -> list[Received]:
+    return []
+
+
+@pytest.fixture
+def agent(heard: list[Received]) -> Agent:
+    network = MemoryNetwork()
+    network.connect().subscribe("clew/**", heard.append)
+    sender = Sender(network.connect(), "fire", "responder", "r1")
+    return Agent(sender, make_mount("boot", "linear"), "linear", None)
+
+
+def messages(heard: list[Received]) -> Iterator[Message]:
+    for received in heard:
+        key = parse_key(received.key)
+        assert not isinstance(key, Refusal)
+        message = decode(key, received.payload)
+        assert not isinstance(message, Refusal), message
+        yield message
+
+
+def walk(agent: Agent) -> list[ImuSample]:
+    """Let ``agent`` follow r1 of the short scenario; return the samples it was given."""
+    readings = list(open_source(f"simulated:{SHORT}", "r1", 3).beginning_at(10**18))
+    for reading in readings:
+        agent.take(reading)
+    agent.finish()
+    return [reading for reading in readings if isinstance(reading, ImuSample)]
+
+
+def test_a_walk_goes_out_as_start_strides_samples_and_truth(
+    agent: Agent, heard: list[Received]
+) -> None:
+    samples = walk(agent)
+    said = list(messages(heard))
+    starts = [m for m in said if isinstance(m, TrackStart)]
+    strides = [m for m in said if isinstance(m, OdometryIncrement)]
+    assert starts
+    assert starts[0].position is None
+    assert starts[-1].event_time_ns <= strides[0].start_time_ns
+    assert agent.start_payload == [r.payload for r in heard if r.key.endswith("/start")][-1]
+    walked_m = sum(math.hypot(m.d_north_m, m.d_east_m) for m in strides)
+    true = [m for m in said if isinstance(m, Truth)]
+    straight_m = math.hypot(true[-1].north_m - true[0].north_m, true[-1].east_m - true[0].east_m)
+    assert walked_m == pytest.approx(straight_m, rel=0.05)
+    batches = [m for m in said if isinstance(m, ImuBatch)]
+    assert [time for batch in batches for time in batch.time_ns] == [s.time_ns for s in samples]
+    flat = [value for batch in batches for value in batch.force_m_s2]
+    assert flat == [value for sample in samples for value in sample.force_m_s2]
+
+
+def test_each_key_is_numbered_from_nought(agent: Agent, heard: list[Received]) -> None:
+    walk(agent)
+    for topic in ("increment", "imu", "truth"):
+        under = [r for r in heard if r.key == f"clew/v1/fire/responder/r1/{topic}"]
+        assert [m.sequence for m in messages(under)] == list(range(len(under)))
+
+
+def test_a_sample_that_is_no_number_is_kept_out_of_the_record(
+    agent: Agent, heard: list[Received]
+) -> None:
+    for index in range(200):
+        force = math.nan if index % 10 == 0 else -9.81
+        agent.take(ImuSample(10**18 + index * 10_000_000, (0.0, 0.0, force), (0.0, 0.0, 0.0)))
+    agent.finish()
+    batches = [m for m in messages(heard) if isinstance(m, ImuBatch)]
+    assert sum(len(batch.time_ns) for batch in batches) == 180
+
+
+def test_a_heading_found_late_starts_the_track_anew(agent: Agent, heard: list[Received]) -> None:
+    for index in range(400):
+        field_ut = None if index < 200 else (20.0, 0.0, 40.0)
+        still = ImuSample(10**18 + index * 10_000_000, (0.0, 0.0, -9.81), (0.0, 0.0, 0.0), field_ut)
+        agent.take(still)
+    sds = [m.heading_sd_rad for m in messages(heard) if isinstance(m, TrackStart)]
+    assert len(sds) == 2
+    assert sds[1] < sds[0]
+
+
+def test_a_simulated_source_has_the_truth_and_the_start() -> None:
+    source = open_source(f"simulated:{SHORT}", "r2", 0)
+    readings = list(source.beginning_at(5 * 10**9))
+    times = [reading.time_ns for reading in readings]
+    assert times == sorted(times)
+    assert times[0] >= 5 * 10**9
+    places = [reading for reading in readings if isinstance(reading, TruePlace)]
+    assert len(places) == pytest.approx((times[-1] - times[0]) / 1e8, abs=2)
+    assert source.start is not None
+    assert msgspec.structs.astuple(source.start)[:3] == (0.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("walk.csv", "use csv:FILE"),
+        ("serial:/dev/ttyUSB0", "use csv:FILE"),
+        ("csv:", "use csv:FILE"),
+        ("csv:/nowhere/walk.csv", "/nowhere/walk.csv"),
+        ("npz:/nowhere/walk.npz", "/nowhere/walk.npz"),
+        ("mcap:/nowhere/walk.mcap", "/nowhere/walk.mcap"),
+        (f"simulated:{SHORT}", "no responder 'r9'; there are r1, r2"),
+    ],
+)
+def test_a_source_that_cannot_be_opened_is_said(name: str, complaint: str) -> None:
+    with pytest.raises(SourceError, match=complaint):
+        open_source(name, "r9", 0)

@@ -1,0 +1,150 @@
+"""The post's shell on the memory bus: what it hears, records, and says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+
+from command_post.incident import Incident, IncidentSettings
+from command_post.post import Post
+from command_post.recording import Recorder
+from command_post.roster import Roster
+from shared.bus.interface import Bus, Received
+from shared.bus.memory import MemoryNetwork
+from shared.clock import NS_PER_S, ManualClock, SystemClock
+from shared.codec import Refusal, decode, encode, parse_key
+from shared.mcap_reader import read_recording
+from shared.messages import ExerciseStart, OdometryIncrement, TrackEstimate, TrackStart
+from shared.topics import Key, alive_key
+from tests.waiting import wait_for
+
+START_NS = 1_700_000_000 * NS_PER_S
+SETTINGS = IncidentSettings(incident="fire", post_id="p")
+
+
+def start(sequence: int = 0) -> bytes:
+    return encode(
+        TrackStart(
+            event_time_ns=START_NS,
+            sequence=sequence,
+            position=None,
+            heading_sd_rad=0.2,
+            mount="boot",
+            method="linear",
+        )
+    )
+
+
+def stride(number: int) -> bytes:
+    return encode(
+        OdometryIncrement(
+            event_time_ns=START_NS + (number + 1) * NS_PER_S,
+            sequence=number,
+            start_time_ns=START_NS + number * NS_PER_S,
+            d_north_m=1.2,
+            d_east_m=0.0,
+            d_down_m=0.0,
+            d_heading_rad=0.0,
+            heading_rad=0.0,
+            covariance=(0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.001),
+            mount="boot",
+        )
+    )
+
+
+def key(topic: str, role: str = "responder", node: str = "r1") -> str:
+    return f"clew/v1/fire/{role}/{node}/{topic}"
+
+
+@contextmanager
+def serving(
+    network: MemoryNetwork, path: Path, *, follows_exercise: bool = False
+) -> Iterator[tuple[Bus, ManualClock, list[Roster]]]:
+    """Run a post; give the bus of somebody else, the post's clock and what it shows."""
+    clock, shown, stop = ManualClock(START_NS + 60 * NS_PER_S), list[Roster](), Event()
+    with network.connect() as bus, network.connect() as other, Recorder(path, {}) as recorder:
+        post = Post(
+            bus, Incident(SETTINGS), recorder, clock,
+            follows_exercise=follows_exercise, show=shown.append,
+        )  # fmt: skip
+        alive: set[str] = set()
+        other.watch_alive(alive_key("fire", "post", "p"), lambda name, _: alive.add(name))
+        thread = Thread(target=post.serve, args=(stop,))
+        thread.start()
+        try:
+            wait_for(lambda: alive, "the post")
+            yield other, clock, shown
+        finally:
+            stop.set()
+            thread.join()
+
+
+def recorded_keys(path: Path) -> list[str]:
+    return [message.key.removeprefix("clew/v1/fire/") for message in read_recording(path)]
+
+
+def test_strides_become_estimates_published_and_recorded_once(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    said: list[Received] = []
+    with serving(MemoryNetwork(), path) as (other, _, shown):
+        other.subscribe(key("track", "post", "p"), said.append)
+        other.publish(key("start"), start())
+        for number in range(3):
+            other.publish(key("increment"), stride(number))
+        wait_for(lambda: len(said) == 4, "an estimate for the start and each stride")
+        wait_for(lambda: shown and shown[-1].responders, "the responder in the roster")
+    parsed = parse_key(said[-1].key)
+    assert not isinstance(parsed, Refusal)
+    estimate = decode(parsed, said[-1].payload)
+    assert isinstance(estimate, TrackEstimate)
+    assert 2.5 < estimate.north_m < 4.5
+    keys = recorded_keys(path)
+    assert keys.count("post/p/track") == 4
+    assert keys.count("responder/r1/increment") == 3
+
+
+def test_whoever_comes_is_asked_for_what_was_missed(tmp_path: Path) -> None:
+    said: list[Received] = []
+    with serving(MemoryNetwork(), tmp_path / "a.mcap") as (other, _, _shown):
+        other.subscribe(key("track", "post", "p"), said.append)
+        other.answer(key("start"), start)
+        other.declare_alive(alive_key("fire", "responder", "r1"))
+        wait_for(lambda: said, "a track from the answered start")
+    assert "responder/r1/start" in recorded_keys(tmp_path / "a.mcap")
+
+
+def test_garbage_is_evidence_and_breaks_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    said: list[Received] = []
+    with serving(MemoryNetwork(), path) as (other, _, _shown):
+        other.subscribe(key("track", "post", "p"), said.append)
+        other.publish(key("increment"), b"\xc1")
+        other.publish("clew/v9/fire/responder/r1/increment", stride(0))
+        other.publish(key("nonsense"), b"?")
+        other.publish(key("increment"), stride(0)[:-3])
+        other.publish(key("start"), start())
+        wait_for(lambda: said, "an estimate all the same")
+    kept = {(message.key, message.payload) for message in read_recording(path)}
+    assert (key("increment"), b"\xc1") in kept
+    assert ("clew/v9/fire/responder/r1/increment", stride(0)) in kept
+    assert (key("nonsense"), b"?") in kept
+
+
+@pytest.mark.parametrize("follows", [False, True])
+def test_only_an_exercise_sets_the_clock(tmp_path: Path, follows: bool) -> None:
+    begun = ExerciseStart(
+        event_time_ns=SystemClock().now_ns(), sequence=0, scenario="any", seed=1, speed=2.0
+    )
+    path = tmp_path / "a.mcap"
+    with serving(MemoryNetwork(), path, follows_exercise=follows) as (other, clock, shown):
+        other.publish(str(Key("fire", "post", "launcher", "exercise")), encode(begun))
+        other.publish(key("increment"), b"?")
+        wait_for(lambda: shown and shown[-1].responders == (), "the roster")
+        of_exercise = {True: lambda: shown[-1].now_ns > begun.event_time_ns, False: lambda: True}
+        wait_for(of_exercise[follows], "the exercise's time in the roster")
+    times = {message.log_time_ns for message in read_recording(path)}
+    assert (times == {clock.now_ns()}) is not follows
