@@ -125,9 +125,14 @@ def _body_rate(angles_rad: Array, change_rad_s: Array) -> Array:
 
 
 def _ringing(
-    walk: Walk, sensor: Sensor, start_s: float, step_s: float, count: int,
+    walk: Walk,
+    sensor: Sensor,
+    start_s: float,
+    step_s: float,
+    count: int,
     chance: np.random.Generator,
-) -> Array:  # fmt: skip
+) -> Array:
+    """Return how the housing of this sensor rings after each of the walk's heel strikes."""
     shape = StrideShape(*walk.foot.shape)
     strike_s = walk.foot.start_s + shape.touch * walk.foot.duration_s
     strength = sensor.settings.ringing * shape.strike_m_s2

@@ -83,11 +83,11 @@ class Sensor:
         self, force_m_s2: Array, rate_rad_s: Array, chance: np.random.Generator
     ) -> tuple[Array, Array]:
         """Return the samples (n, 3): with biases that wander, noise, and clipped to the range."""
-        s = self.settings
-        force = self._wander(s.force_walk_m_s2, s.force_noise_m_s2_rthz, force_m_s2.shape, chance)
-        rate = self._wander(s.rate_walk_deg_s, s.rate_noise_deg_s_rthz, rate_rad_s.shape, chance)
+        s, size = self.settings, force_m_s2.shape
+        force = self._wander(s.force_walk_m_s2, s.force_noise_m_s2_rthz, size, chance)
+        rate = np.radians(self._wander(s.rate_walk_deg_s, s.rate_noise_deg_s_rthz, size, chance))
         force += force_m_s2 + self.force_bias_m_s2
-        rate = rate_rad_s + self.rate_bias_rad_s + np.radians(rate)
+        rate += rate_rad_s + self.rate_bias_rad_s
         return self._clip(force, rate)
 
     def read_field(self, field_ut: Array, chance: np.random.Generator) -> Array:
@@ -100,9 +100,8 @@ class Sensor:
     ) -> Array:
         """Return a bias that wanders by ``walk`` in a second, and white noise of that density."""
         steps = chance.normal(0.0, walk / math.sqrt(self.rate_hz), size)
-        return np.cumsum(steps, axis=0) + chance.normal(
-            0.0, noise * math.sqrt(self.rate_hz / 2), size
-        )
+        white = chance.normal(0.0, noise * math.sqrt(0.5 * self.rate_hz), size)
+        return np.cumsum(steps, axis=0) + white
 
     def _clip(self, force_m_s2: Array, rate_rad_s: Array) -> tuple[Array, Array]:
         most_m_s2 = self.settings.force_range_g * STANDARD_GRAVITY_M_S2
@@ -140,12 +139,17 @@ def draw_sensor(settings: ImuSettings, chance: np.random.Generator) -> Sensor:
 
 
 def ringing(
-    strike_s: Array, strike_m_s2: Array, start_s: float, step_s: float, count: int,
+    strike_s: Array,
+    strike_m_s2: Array,
+    start_s: float,
+    step_s: float,
+    count: int,
     chance: np.random.Generator,
-) -> Array:  # fmt: skip
-    """Return the force (count, 3) of a housing that rings after each strike, every ``step_s``.
+) -> Array:
+    """Return the force (count, 3) of a housing that rings after each strike.
 
-    ``strike_s`` and ``strike_m_s2`` (k,) are when and how hard. Each is the second difference of
+    It is told every ``step_s`` from ``start_s``; ``strike_s`` and ``strike_m_s2`` (k,) are when,
+    after that, and how hard the strikes are. Each is the second difference of
     a damped shift that begins and ends at rest, so that it moves the sensor nowhere.
     """
     total = np.zeros((count, 3))
@@ -154,18 +158,15 @@ def ringing(
         hertz, decay_s = chance.uniform(25.0, 55.0), chance.uniform(0.008, 0.016)
         omega = 2.0 * math.pi * hertz
         onset = 1.0 - np.exp(-((since_s / 0.004) ** 3))
-        shift = onset * np.exp(-since_s / decay_s) * np.sin(omega * since_s)
-        shift[-1] = shift[-2] = shift[-3] = 0.0
+        fade = np.exp(-since_s / decay_s) * (1.0 - since_s / RING_S) ** 2
+        shift = onset * fade * np.sin(omega * since_s)
+        shift[[0, 1, -2, -1]] = 0.0
         push = np.zeros_like(shift)
         push[1:-1] = np.diff(shift, 2) / (omega * step_s) ** 2
         toward = chance.normal(0.0, 1.0, 3)
         first = round((moment_s - start_s) / step_s)
-        part = total[max(first, 0) : first + len(push)]
-        part += (
-            strength_m_s2 * push[len(push) - len(part) :, None] * toward
-            if first < 0
-            else (strength_m_s2 * push[: len(part), None] * toward)
-        )
+        part = total[first : first + len(push)]
+        part += strength_m_s2 * push[: len(part), None] * toward
     return total
 
 

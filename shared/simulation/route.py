@@ -102,13 +102,13 @@ class _Planner:
         falls = [here]
         posture_rad = CRAWL_POSTURE_RAD if leg.gait == "crawl" else 0.0
         if posture_rad != here.posture_rad:
-            falls.append(here._replace(gait="crawl", stride_s=KNEEL_S, posture_rad=posture_rad))
+            kneeling = here._replace(gait="crawl", stride_s=KNEEL_S, posture_rad=posture_rad)
+            falls.append(kneeling._replace(dwell_s=0.0))
         for piece in _split_at_sharp_corners(points):
             way = _rounded(piece)
             aim_rad = _direction(way[1] - way[0]) + _facing_off(leg.gait)
             falls += self._pivot(falls[-1], aim_rad)
             falls += self._strides(falls[-1], leg.gait, way)
-        falls[1:] = [fall._replace(dwell_s=0.0) for fall in falls[1:]]
         return falls[1:]
 
     def climb(self, here: Footfall, leg: Climb) -> list[Footfall]:
@@ -124,7 +124,7 @@ class _Planner:
                 f"{here.body_m[:2].round(2).tolist()}: let a move end there first"
             )
         gait: Gait = "stairs_up" if up else "stairs_down"
-        habit = self._person.stairs_up if up else self._person.stairs_down
+        habit = self._person.habit(gait)
         facing_rad = _direction(far_m[:2] - near_m[:2])
         falls = [here, *self._pivot(here, facing_rad)]
         facing_rad = falls[-1].facing_rad + wrap_rad(facing_rad - falls[-1].facing_rad)
@@ -132,7 +132,7 @@ class _Planner:
         for share in shares:
             body_m = near_m + share * (far_m - near_m)
             falls.append(self._fall(gait, habit, body_m, facing_rad, 0.0))
-        return [fall._replace(dwell_s=0.0) for fall in falls[1:]]
+        return falls[1:]
 
     def _pivot(self, here: Footfall, aim_rad: float) -> list[Footfall]:
         """Turn on the spot towards ``aim_rad``, if it is far from where one faces."""
@@ -141,7 +141,7 @@ class _Planner:
             return []
         count = math.ceil(abs(turn_rad) / PIVOT_STRIDE_RAD)
         gait: Gait = "walk" if here.posture_rad == 0.0 else "crawl"
-        habit = self._habit(gait)
+        habit = self._person.habit(gait)
         return [
             self._fall(
                 gait, habit, here.body_m, here.facing_rad + turn_rad * share, here.posture_rad
@@ -151,7 +151,7 @@ class _Planner:
 
     def _strides(self, here: Footfall, gait: Gait, way_m: Array) -> Iterator[Footfall]:
         """Whole strides along ``way_m`` (n, 2), none like another, the last one to its end."""
-        habit = self._habit(gait)
+        habit = self._person.habit(gait)
         along_m = np.append(0.0, np.cumsum(np.hypot(*np.diff(way_m, axis=0).T)))
         count = max(1, round(along_m[-1] / habit.stride_m))
         parts = np.maximum(self._chance.normal(1.0, self._person.spread, count), 0.5)
@@ -173,11 +173,6 @@ class _Planner:
         place_m = _beside(body_m, facing_rad)
         place_m[:2] += self._chance.normal(0.0, PLACE_SPREAD_M, 2)
         return Footfall(gait, stride_s, place_m, body_m, facing_rad, posture_rad)
-
-    def _habit(self, gait: Gait) -> Habit:
-        habit = getattr(self._person, gait)
-        assert isinstance(habit, Habit)  # noqa: S101
-        return habit
 
 
 def _drawn(person: Person, chance: np.random.Generator) -> Person:

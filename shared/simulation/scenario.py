@@ -7,6 +7,7 @@ entrance; times are seconds from the start of the exercise.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -14,7 +15,7 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from shared.config import load_toml
+from shared.config import ConfigError, load_toml
 from shared.messages import NodeId
 from shared.simulation.imu_errors import ImuSettings
 from shared.simulation.magnetic import MagneticSettings
@@ -29,8 +30,6 @@ Gait: TypeAlias = Literal[
 LevelGait: TypeAlias = Literal["walk", "fast_walk", "side_left", "side_right", "crawl"]
 Seconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e5)]
 Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
-Magnitude: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e4)]
-
 
 STAND_AT_LEAST_S = 3.0
 
@@ -80,6 +79,11 @@ class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     stairs_up: Habit = Habit(0.67, 1.3)
     stairs_down: Habit = Habit(0.67, 1.2)
     spread: Share = 0.03
+
+    def habit(self, gait: Gait) -> Habit:
+        """How they make ``gait``, which is not standing."""
+        habit: Habit = getattr(self, gait)
+        return habit
 
 
 class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -178,5 +182,20 @@ def load_scenario(name_or_path: str) -> Scenario:
     scenario = load_toml(path, Scenario)
     if scenario.plan.endswith(".toml"):
         scenario = msgspec.structs.replace(scenario, plan=str(path.parent / scenario.plan))
-    load_plan(scenario.plan)
+    for complaint in _out_of_place(scenario):
+        raise ConfigError(f"{path}: {complaint}")
     return scenario
+
+
+def _out_of_place(scenario: Scenario) -> Iterator[str]:
+    """Say which floors and stairs the responders are sent to that the plan does not have."""
+    floors = [floor.name for floor in scenario.building.floors]
+    flights = [stairs.name for stairs in scenario.building.stairs]
+    for responder_id, responder in scenario.responders.items():
+        where = f"responders.{responder_id}"
+        if responder.floor not in floors:
+            yield f"{where}.floor: no {responder.floor!r} in the plan; use one of {floors}"
+        for index, leg in enumerate(responder.route):
+            if isinstance(leg, Climb) and leg.stairs not in flights:
+                stairs = f"no {leg.stairs!r} in the plan; use one of {flights}"
+                yield f"{where}.route[{index}].stairs: {stairs}"

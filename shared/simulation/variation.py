@@ -45,6 +45,7 @@ SCALED_BY_LENGTH = (
     "push_rad", "reach_rad", "descent_m_s", "roll_rad", "yaw_rad", "aside_m", "strike_m_s2",
 )  # fmt: skip
 """What is smaller in a short stride."""
+PASSING_EXPONENT = 1.5
 
 STILL = 0.04
 """Unrest of a standing boot, where that of a walking one is 1."""
@@ -61,11 +62,12 @@ def varied_shapes(
 ) -> Array:
     """Return (fields of StrideShape, k): how one person makes each of ``k`` strides.
 
-    A stride shorter than its gait's usual one is also made with a smaller movement.
+    A stride shorter than its gait's usual one is also made with a smaller movement, and the slower
+    it is the less the boot rolls in passing.
     """
     if not gaits:
         return np.empty((len(StrideShape._fields), 0))
-    usual = [getattr(Person(), gait) for gait in gaits]
+    usual = [Person().habit(gait) for gait in gaits]
     length = stride_m / np.array([habit.stride_m for habit in usual])
     speed = length * np.array([habit.stride_s for habit in usual]) / stride_s
     effort = np.clip(0.35 + 0.65 * length, 0.35, 1.2)
@@ -74,7 +76,9 @@ def varied_shapes(
     shapes *= np.exp(chance.normal(0.0, np.array(STRIDE_SPREAD)[:, None], shapes.shape))
     scaled = [StrideShape._fields.index(name) for name in SCALED_BY_LENGTH]
     shapes[scaled] *= effort
-    shapes[StrideShape._fields.index("passing_rad_s")] *= np.clip(speed, 0.3, 2.0) ** 1.5
+    shapes[StrideShape._fields.index("passing_rad_s")] *= (
+        np.clip(speed, 0.3, 2.0) ** PASSING_EXPONENT
+    )
     sides = [StrideShape._fields.index(name) for name in ("roll_rad", "yaw_rad")]
     shapes[sides] *= chance.choice([-1.0, 1.0], 2)[:, None]
     return shapes

@@ -101,7 +101,8 @@ def _body_track(falls: list[Footfall], reached_s: Array, left_s: Array) -> BodyT
     knots_s = np.column_stack([reached_s, left_s]).ravel()
     moments = np.append(True, np.diff(knots_s) > 0.0)
     places = np.array([[*fall.body_m, fall.facing_rad] for fall in falls]).repeat(2, axis=0)
-    track = PchipInterpolator(knots_s[moments], places[moments])
+    # The interpolation divides by differences: those below a nanometre are made none.
+    track = PchipInterpolator(knots_s[moments], places[moments].round(9))
     count = max(2, int((knots_s[-1] - knots_s[0]) * BODY_RATE_HZ) + 1)
     time_s = np.linspace(knots_s[0], knots_s[-1], count)
     at = track(time_s)

@@ -1,0 +1,86 @@
+"""Scenario files: the packaged ones, and what each mistake is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from shared.config import ConfigError
+from shared.simulation.scenario import SCENARIOS, Climb, load_scenario
+from shared.simulation.walker import simulate_walk
+from tests.simulated_walks import lone_walk
+
+GOOD = """
+description = "one walks and sets a DAP down"
+plan = "house_of_four_daps"
+[daps.dap1]
+position_m = [0.0, 1.0, 0.0]
+[daps.dap2]
+[people.anna]
+spread = 0.02
+[responders.r1]
+person = "anna"
+start_m = [0.0, 1.0]
+route = [
+  { do = "stand", for_s = 5 },
+  { do = "move", gait = "walk", to_m = [[0, 10]] },
+  { do = "stand", for_s = 5, installs = "dap2" },
+]
+"""
+
+
+@pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.toml")), ids=lambda path: path.stem)
+def test_packaged_scenarios_load_by_name_and_are_whole(path: Path) -> None:
+    scenario = load_scenario(path.stem)
+    assert scenario == load_scenario(str(path))
+    assert {dap_id for dap_id, _ in scenario.installations} == {
+        dap_id for dap_id, dap in scenario.daps.items() if dap.position_m is None
+    }
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "told"),
+    [
+        ("[daps.dap2]\n", "", "installs 'dap2': list it"),
+        ("installs = ", "installs_ = ", "unknown key; did you mean 'installs'"),
+        (', installs = "dap2"', "", "daps.dap2: give it a position_m, or let one leg"),
+        ("[daps.dap2]", "[daps.dap2]\nposition_m=[0, 9, 0]", "has 2"),
+        ('person = "anna"', 'person = "ana"', "'ana' is not under people"),
+        ("for_s = 5 }", "for_s = 1 }", "begin with a stand"),
+        ("start_m", 'floor = "attic"\nstart_m', r"responders.r1.floor: no 'attic' .*'ground'"),
+        (
+            '{ do = "move"',
+            '{ do = "climb", stairs = "main" },\n{ do = "move"',
+            r"responders.r1.route\[1\].stairs: no 'main'",
+        ),
+        ('gait = "walk"', 'gait = "hop"', "'hop'"),
+        ('do = "move"', 'do = "fly"', "'fly'"),
+        ("[responders.r1]", "[responders.'r 1']", "matching regex"),
+        ('plan = "house_of_four_daps"', 'plan = "shed"', "house_of_four_daps"),
+    ],
+)
+def test_a_mistake_is_told(tmp_path: Path, good: str, bad: str, told: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD, encoding="utf-8")
+    load_scenario(str(path))
+    assert good in GOOD
+    path.write_text(GOOD.replace(good, bad), encoding="utf-8")
+    with pytest.raises(ConfigError, match=told):
+        load_scenario(str(path))
+
+
+def test_a_plan_beside_the_scenario_is_found(tmp_path: Path) -> None:
+    (tmp_path / "hut.toml").write_text(
+        'description = "hut"\nfloors = [{ name = "ground", height_m = 0 }]', encoding="utf-8"
+    )
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace('"house_of_four_daps"', '"hut.toml"'), encoding="utf-8")
+    assert load_scenario(str(path)).building.description == "hut"
+
+
+def test_stairs_must_be_walked_to_before_they_are_climbed() -> None:
+    with pytest.raises(ValueError, match=r"stairs 'up' begin at .* let a move end there first"):
+        simulate_walk(lone_walk(Climb("up")), "r1", seed=0)
+    with pytest.raises(ValueError, match="no stairs 'side'"):
+        simulate_walk(lone_walk(Climb("side")), "r1", seed=0)
