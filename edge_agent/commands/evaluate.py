@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from typing import Annotated
 
@@ -13,12 +12,19 @@ from rich.console import Console
 from rich.progress import Progress
 
 from edge_agent.commands.score_tables import print_tables
-from edge_agent.evaluation.score_card import TrialScore, failed_trial, score_card, score_trial
+from edge_agent.evaluation.score_card import (
+    ScoreCard,
+    TrialScore,
+    failed_trial,
+    score_card,
+    score_trial,
+)
 from edge_agent.mounts.interface import Increment
 from edge_agent.mounts.methods import MethodName, MountName, make_mount
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.trials import Trial, TrialData, find_trials
 from shared.config import ConfigError
+from shared.maths.statistics import Summary
 from shared.process import ExitCode
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -64,10 +70,21 @@ def evaluate(
     scored = list(_score(trials, mount, method))
     card = score_card(row for row, _ in scored)
     if json:
-        sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(card)) + b"\n")
+        print(_as_json(card))  # noqa: T201
     else:
         print_tables(card, f"{mount}, {method}")
     return max(code for _, code in scored)
+
+
+def _as_json(card: ScoreCard) -> str:
+    sets = {
+        name: {
+            what: value._asdict() if isinstance(value, Summary) else value
+            for what, value in summaries.items()
+        }
+        for name, summaries in card.sets.items()
+    }
+    return msgspec.json.format(msgspec.json.encode({"trials": card.trials, "sets": sets})).decode()
 
 
 def _score(

@@ -56,10 +56,8 @@ class Strapdown:
 
         The smallest turn that levels is made, so heading stays.
         """
-        if math.hypot(*force_m_s2) < WEAKEST_GRAVITY_M_S2:
-            return
-        self._stance_s += duration_s
-        averaged_s = min(self._stance_s, GRAVITY_TIME_S)
+        lasted_s = self._stance_s + duration_s
+        averaged_s = min(lasted_s, GRAVITY_TIME_S)
         weight = duration_s / averaged_s if duration_s < averaged_s else 1.0
         north, east, down = rotate(self.nav_from_body, force_m_s2)
         mean = (
@@ -67,7 +65,11 @@ class Strapdown:
             weight * east,
             weight * down - (1.0 - weight) * self.gravity_m_s2,
         )
-        self.gravity_m_s2 = math.hypot(*mean)
+        gravity_m_s2 = math.hypot(*mean)
+        if gravity_m_s2 < WEAKEST_GRAVITY_M_S2:
+            return
+        self._stance_s = lasted_s
+        self.gravity_m_s2 = gravity_m_s2
         self.nav_from_body = multiply(shortest(mean, UP), self.nav_from_body)
 
     def face(self, heading_rad: float) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edge_agent.evaluation.truth import Truth, truth_of_path, truth_of_stances
 from edge_agent.sources.recording import (
@@ -57,16 +59,26 @@ def read_npz_set(path: Path) -> NpzSet:
 
 def _load(path: Path) -> dict[str, Array]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {
-                name: np.asarray(archive[name], dtype=np.float64)
-                for name in archive.files
-                if archive[name].dtype.kind in "fiu"
-            }
+        with path.open("rb") as file, zipfile.ZipFile(file) as archive:
+            if (damaged := archive.testzip()) is not None:
+                raise zipfile.BadZipFile(f"{damaged} is damaged")
+            members = [name for name in archive.namelist() if name.endswith(".npy")]
+            arrays = {name.removesuffix(".npy"): _array(archive, name) for name in members}
+        return {
+            name: array.astype(np.float64)
+            for name, array in arrays.items()
+            if array.dtype.kind in "fiu"
+        }
     except FileNotFoundError:
         raise SourceError(f"{path}: no such file") from None
-    except (zipfile.BadZipFile, ValueError, EOFError, OSError, KeyError) as error:
+    # RuntimeError is what zipfile raises for flags it does not know.
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError, OSError, EOFError) as error:
         raise SourceError(f"{path}: not a whole .npz file ({error}); copy it again") from None
+
+
+def _array(archive: zipfile.ZipFile, member: str) -> NDArray[Any]:
+    with archive.open(member) as file:
+        return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def _shaped(path: Path, arrays: dict[str, Array], name: str, shape: tuple[int, ...]) -> Array:

@@ -32,8 +32,8 @@ def repaired(time_s: Array, readings: Array) -> Repaired:
     squares over each stretch without a pause. Stamps that never repeat are left as they are.
     """
     repeated = np.zeros(len(time_s), dtype=bool)
-    same_time = np.diff(time_s) == 0.0
-    repeated[1:] = same_time & (np.diff(readings, axis=0) == 0.0).all(axis=1)
+    same_readings = (readings[1:] == readings[:-1]).all(axis=1)
+    repeated[1:] = same_readings & (time_s[1:] == time_s[:-1])
     rows = np.flatnonzero(~repeated)
     kept_s = time_s[rows]
     if np.all(np.diff(kept_s) != 0.0):

@@ -33,7 +33,7 @@ FASTEST_BOOT_RAD_S = 40.0
 RATES_HZ = (20.0, 1999.0)
 """What an inertial sensor samples at."""
 
-EARTH_FIELD_UT = (15.0, 100.0)
+EARTH_FIELD_UT = (15.0, 80.0)
 HEADER_WITHIN_LINES = 30
 
 _SENSOR_NAMES = {

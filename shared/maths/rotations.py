@@ -80,9 +80,10 @@ def from_rotation_vector(rotation_rad: Vector3) -> Quaternion:
 def to_rotation_vector(b_from_a: Quaternion) -> Vector3:
     """Return the rotation vector of at most π radians."""
     w, x, y, z = b_from_a
-    sine = math.copysign(math.sqrt(x * x + y * y + z * z), w)
-    # q and −q turn alike: the signs of sine and w cancel, and the half angle is at most π/2.
-    scale = math.copysign(2.0, w) if abs(sine) < 1e-9 else 2.0 * math.atan2(sine, abs(w)) / sine
+    sine = math.sqrt(x * x + y * y + z * z)
+    factor = 2.0 if sine < 1e-9 else 2.0 * math.atan2(sine, abs(w)) / sine
+    # q and −q are one rotation: that of positive w is the one by at most π.
+    scale = math.copysign(factor, w)
     return (scale * x, scale * y, scale * z)
 
 
@@ -102,12 +103,18 @@ def shortest(from_vector: Vector3, to_vector: Vector3) -> Quaternion:
     lengths = math.hypot(ax, ay, az) * math.hypot(bx, by, bz)
     if lengths == 0.0:
         raise ValueError("a vector of length zero has no direction")
-    w = lengths + ax * bx + ay * by + az * bz
-    if w > 1e-9 * lengths:
-        return normalise((w, ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
-    if abs(ax) < abs(az):
-        return normalise((0.0, 0.0, -az, ay))
-    return normalise((0.0, -ay, ax, 0.0))
+    dot = ax * bx + ay * by + az * bz
+    cross = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    if dot >= 0.0:
+        return normalise((lengths + dot, *cross))
+    sine = math.hypot(*cross)
+    if sine < 1e-8 * lengths:
+        return normalise((0.0, 0.0, -az, ay) if abs(ax) < abs(az) else (0.0, -ay, ax, 0.0))
+    # Towards a half turn, lengths + dot would lose its digits.
+    half_rad = 0.5 * math.atan2(sine, dot)
+    x, y, z = cross
+    scale = math.sin(half_rad) / sine
+    return (math.cos(half_rad), scale * x, scale * y, scale * z)
 
 
 def from_gravity(force_m_s2: Vector3, heading_rad: float = 0.0) -> Quaternion:

@@ -1,208 +1,279 @@
-"""The score card: known errors come out as they are, and what is missing as none."""
+"""The score of a path whose errors are known beforehand."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 
-import msgspec
 import numpy as np
 import pytest
 
-from command_post.confidence import inside95
-from command_post.evaluation import RunErrors, Score, measure, pool, score
-from command_post.evidence import Evidence
-from shared.messages import DapEstimate, LocalPosition, Message, TrackEstimate
-from shared.topics import Key, Role
-from tests.stride_world import at_ns, installation, key_of, stride, track_start, truth
+from edge_agent.evaluation.errors import (
+    absolute_error_m,
+    align,
+    closure,
+    end_error_m,
+    stance_errors,
+    vertical_errors,
+)
+from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
+from edge_agent.evaluation.score_card import score_card, score_trial, set_of
+from edge_agent.evaluation.truth import Array, Truth, truth_of_path, truth_of_stances
+from edge_agent.inertial.linear_zupt import PathPoint
+from edge_agent.mounts.interface import Increment
+from shared.clock import NS_PER_S
+from shared.maths.statistics import Summary
 
-Place = tuple[float, float]
-Said = tuple[Role, str, Message]
-
-
-def estimate(time_s: float, name: str, place: Place, sequence: int, var_m2: float = 1.0) -> Said:
-    said = TrackEstimate(
-        event_time_ns=at_ns(time_s), sequence=sequence, responder_id=name,
-        north_m=place[0], east_m=place[1], down_m=0.5, covariance_m2=(var_m2, 0.0, var_m2),
-        heading_rad=0.0, heading_sd_rad=0.1, last_proximity_time_ns=None,
-    )  # fmt: skip
-    return "post", "post", said
-
-
-def dap_estimate(dap_id: str, place: Place, sequence: int = 0) -> Said:
-    position = LocalPosition(
-        north_m=place[0], east_m=place[1], down_m=0.0, covariance_m2=(1.0, 0.0, 1.0)
-    )
-    said = DapEstimate(
-        event_time_ns=at_ns(1.0), sequence=sequence, dap_id=dap_id, position=position
-    )
-    return "post", "post", said
+STRIDE_S, SWING_S, LATE_S = 1.0, 0.6, 0.2
+"""Stances are at full seconds; the swing begins ``LATE_S`` after, and ends as long before."""
 
 
-def north_walk(name: str, seconds: int) -> list[Said]:
-    return [("responder", name, truth(t, (1.2 * t, 0.0), t)) for t in range(seconds + 1)]
+def places(count: int = 21) -> Array:
+    """An L-shaped walk with rising steps: (count, 3) NED."""
+    step = np.where(np.arange(count)[:, None] < count // 2, [1.2, 0.0, 0.0], [0.0, 1.1, -0.1])
+    return np.vstack(([0.0, 0.0, 0.0], np.cumsum(step, axis=0)[:-1]))
 
 
-def told(name: str, seconds: int, error: Callable[[float, float], Place]) -> list[Said]:
-    """Estimates of the same walk, each place made wrong by ``error``."""
-    return [estimate(t, name, error(1.2 * t, 0.0), t) for t in range(seconds + 1)]
+def truth(position_m: Array | None = None) -> Truth:
+    position_m = places() if position_m is None else position_m
+    return truth_of_stances(STRIDE_S * np.arange(len(position_m), dtype=np.float64), position_m)
 
 
-def evidence(*said: Said) -> Evidence:
-    collected = Evidence()
-    for role, node_id, message in said:
-        collected.add(key_of(role, node_id, type(message)), message)
-    return collected
+def vector(array: Array) -> tuple[float, float, float]:
+    north, east, down = array.tolist()
+    return north, east, down
 
 
-def card(*said: Said) -> Score:
-    return score(measure(evidence(*said)))
-
-
-def test_a_constant_error_is_its_own_circular_error() -> None:
-    live = card(*north_walk("r1", 20), *told("r1", 20, lambda n, e: (n + 3.0, e + 4.0))).live
-    assert live.absolute is not None
-    assert (live.absolute.ce50_m, live.absolute.ce95_m) == pytest.approx((5.0, 5.0))
-    assert live.end_m == pytest.approx(5.0)
-    assert live.vertical_m == pytest.approx(0.5)
-    assert live.pair is None
-
-
-def test_the_teams_rotation_is_taken_out_about_the_first_dap() -> None:
-    turn = math.radians(20.0)
-
-    def turned(north_m: float, east_m: float) -> Place:
-        north_m, east_m = north_m - 2.0, east_m - 1.0
-        return (
-            2.0 + math.cos(turn) * north_m - math.sin(turn) * east_m,
-            1.0 + math.sin(turn) * north_m + math.cos(turn) * east_m,
+def walk(position_m: Array) -> list[Increment]:
+    """Increments through ``position_m``, a stride each."""
+    increments = []
+    for stride, (start, end) in enumerate(itertools.pairwise(position_m)):
+        start_ns = round((stride * STRIDE_S + LATE_S) * NS_PER_S)
+        end_ns = start_ns + round(SWING_S * NS_PER_S)
+        path = tuple(
+            PathPoint(round(start_ns + share * (end_ns - start_ns)), *(share * (end - start)))
+            for share in (0.0, 0.5, 1.0)
         )
-
-    live = card(
-        ("dap", "dap1", truth(0.0, (2.0, 1.0))),
-        ("dap", "dap1", installation(0.0, None, (2.0, 1.0))),
-        *north_walk("r1", 30), *told("r1", 30, turned),
-        *north_walk("r2", 30), *told("r2", 30, turned),
-    ).live  # fmt: skip
-    assert live.absolute is not None
-    assert live.team is not None
-    assert live.absolute.ce95_m > 8.0
-    assert live.team.ce95_m == pytest.approx(0.0, abs=1e-6)
+        increments.append(
+            Increment(start_ns, end_ns, vector(end - start), 0.0, 0.0, (0.0,) * 10, path)
+        )
+    return increments
 
 
-def test_pairs_are_scored_by_the_vector_between_them() -> None:
-    live = card(
-        *north_walk("r1", 20), *told("r1", 20, lambda n, e: (n + 5.0, e)),
-        *north_walk("r2", 20), *told("r2", 20, lambda n, e: (n + 5.0, e + 2.0)),
-    ).live  # fmt: skip
-    assert live.pair is not None
-    assert (live.pair.ce50_m, live.pair.ce95_m) == pytest.approx((2.0, 2.0))
+def scored(change: Callable[[Array], Array], position_m: Array | None = None) -> dict[str, float]:
+    position_m = places() if position_m is None else position_m
+    return stance_errors(estimated_path(walk(change(position_m))), truth(position_m))._asdict()
 
 
-def test_dead_reckoning_sums_the_increments_from_the_start() -> None:
-    strides: list[Said] = [
-        ("responder", "r1", stride(t, 1.2, 0.3, sequence=t)) for t in range(1, 11)
+def turned(position_m: Array, angle_rad: float) -> Array:
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    north_m, east_m, down_m = position_m.T
+    return np.column_stack(
+        (cosine * north_m - sine * east_m, sine * north_m + cosine * east_m, down_m)
+    )
+
+
+def test_the_true_path_has_no_error() -> None:
+    assert scored(lambda p: p) == pytest.approx(dict.fromkeys(scored(lambda p: p), 0.0), abs=1e-7)
+
+
+@pytest.mark.parametrize("angle_rad", [0.3, -2.0, math.pi])
+def test_a_path_turned_and_moved_has_no_error(angle_rad: float) -> None:
+    errors = scored(lambda p: np.add(turned(p, angle_rad), [7.0, -3.0, 2.0]))
+    assert errors == pytest.approx(dict.fromkeys(errors, 0.0), abs=1e-7)
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.05])
+def test_a_path_scaled_has_the_error_of_scale(scale: float) -> None:
+    errors = scored(lambda p: turned(scale * p, 1.0))
+    assert errors["distance_error_pct"] == pytest.approx(100.0 * (scale - 1.0))
+    expected_m = abs(scale - 1.0) * np.sqrt(np.mean(truth().stride_lengths_m ** 2))
+    assert errors["stride_rmse_m"] == pytest.approx(expected_m)
+    across_m = np.linalg.norm(places()[-1, :2])
+    expected = 100.0 * abs(scale - 1.0) * across_m / truth().length_m
+    assert errors["end_error_pct"] == pytest.approx(expected)
+    assert errors["heading_drift_deg_min"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_mirrored_path_is_not_taken_for_the_true_one() -> None:
+    assert scored(lambda p: p * [1.0, -1.0, 1.0])["ate_pct"] > 5.0
+
+
+def test_a_path_that_veers_drifts_by_that_much() -> None:
+    straight = np.outer(np.arange(31.0), [1.2, 0.0, 0.0])
+
+    def veering(position_m: Array) -> Array:
+        heading_rad = np.radians(0.5) * np.arange(1, len(position_m))
+        step = 1.2 * np.column_stack((np.cos(heading_rad), np.sin(heading_rad), 0 * heading_rad))
+        return np.vstack((np.zeros(3), np.cumsum(step, axis=0)))
+
+    errors = scored(veering, straight)
+    assert errors["heading_drift_deg_min"] == pytest.approx(30.0)
+    assert errors["distance_error_pct"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_missed_stance_is_told() -> None:
+    increments = walk(places())
+    first, second = increments[4], increments[5]
+    joined = first._replace(
+        end_time_ns=second.end_time_ns,
+        displacement_m=vector(places()[6] - places()[4]),
+        path=(),
+    )
+    path = estimated_path([*increments[:4], joined, *increments[6:]])
+    errors = stance_errors(path, truth())
+    assert errors.missed_stances_pct == pytest.approx(100.0 / 21.0)
+    assert errors.false_stances_pct == 0.0
+
+
+def test_a_stance_in_a_swing_is_false() -> None:
+    increments = walk(places())
+    whole = increments[7]
+    half = vector(0.5 * (places()[8] - places()[7]))
+    middle_ns = (whole.start_time_ns + whole.end_time_ns) // 2
+    cut = [
+        whole._replace(end_time_ns=middle_ns - 10**7, displacement_m=half, path=whole.path[:1]),
+        whole._replace(start_time_ns=middle_ns + 10**7, displacement_m=half, path=whole.path[:1]),
     ]
-    pdr = card(*north_walk("r1", 10), ("responder", "r1", track_start(0.0)), *strides).pdr
-    assert pdr.end_m == pytest.approx(3.0)
-    assert pdr.absolute is not None
-    assert pdr.absolute.ce50_m == pytest.approx(1.5)
+    errors = stance_errors(estimated_path([*increments[:7], *cut, *increments[8:]]), truth())
+    assert errors.false_stances_pct == pytest.approx(5.0)
+    assert errors.missed_stances_pct == 0.0
 
 
-def test_a_new_start_begins_dead_reckoning_again() -> None:
-    track = evidence(
-        ("responder", "r1", track_start(0.0)),
-        ("responder", "r1", stride(1.0, 1.0, 0.0)),
-        ("responder", "r1", track_start(5.0, sequence=1)),
-        ("responder", "r1", stride(6.0, 0.0, 1.0, sequence=1)),
-    ).tracks("pdr")["r1"]
-    np.testing.assert_allclose(track.position_m[:, :2], [(0, 0), (1, 0), (0, 0), (0, 1)])
+def test_a_stance_that_flickers_while_the_boot_stands_is_not_false() -> None:
+    increments = walk(places())
+    before = increments[7]
+    stir = before._replace(
+        start_time_ns=before.start_time_ns - 3 * 10**8,
+        end_time_ns=before.start_time_ns - 2 * 10**8,
+        displacement_m=(0.0, 0.0, 0.0),
+        path=before.path[:1],
+    )
+    errors = stance_errors(estimated_path([*increments[:7], stir, *increments[7:]]), truth())
+    assert errors.false_stances_pct == 0.0
 
 
-def test_a_track_that_stops_is_held_to_the_end_of_the_truth() -> None:
-    live = card(*north_walk("r1", 30), *told("r1", 10, lambda n, e: (n, e))).live
-    assert live.end_m == pytest.approx(24.0)
+def test_being_lost_twice_running_is_no_stance() -> None:
+    lost = Increment(0, 10 * NS_PER_S, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0,) * 10, ())
+    again = lost._replace(start_time_ns=10 * NS_PER_S, end_time_ns=20 * NS_PER_S)
+    path = estimated_path([lost, again])
+    assert path.stances_s.tolist() == [[-math.inf, 0.0], [20.0, math.inf]]
 
 
-def test_coverage_is_the_share_of_time_inside() -> None:
-    within = told("r1", 9, lambda n, e: (n + 2.0, e))
-    without = [estimate(t, "r1", (1.2 * t + 3.0, 0.0), t) for t in range(10, 20)]
-    assert card(*north_walk("r1", 19), *within, *without).coverage95_pct == pytest.approx(50.0)
+def test_the_end_error_aligns_on_the_first_strides_only() -> None:
+    true_m = np.outer(np.arange(41.0), [1.0, 0.0])
+    bent_m = true_m.copy()
+    bent_m[20:, 1] = np.arange(21.0)
+    bent_m[20:, 0] = bent_m[19, 0] + 1.0
+    assert end_error_m(bent_m, true_m) == pytest.approx(math.hypot(20.0, 20.0))
+    assert absolute_error_m(bent_m, true_m) < 10.0
 
 
-def test_inside_follows_the_ellipses_shape() -> None:
-    errors = np.array([[4.0, 0.0], [0.0, 4.0], [1.0, 1.0], [1.0, -1.0], [0.0, 0.0], [0.1, 0.0]])
-    covariance = np.array([(4, 0, 1), (4, 0, 1), (1, 0.99, 1), (1, 0.99, 1), (0, 0, 0), (0, 0, 0)])
-    assert inside95(errors, covariance).tolist() == [True, False, True, False, True, False]
+def test_alignment_is_a_rotation() -> None:
+    points = np.random.default_rng(3).normal(size=(9, 2))
+    rotation, _ = align(points, points * [1.0, -1.0])
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
 
 
-def test_daps_that_somebody_set_down_are_scored() -> None:
-    dap = card(
-        ("dap", "dap1", truth(0.0, (0.0, 0.0))),
-        ("dap", "dap1", installation(0.0, None, (0.0, 0.0))),
-        dap_estimate("dap1", (0.0, 0.0)),
-        ("dap", "dap2", truth(0.0, (10.0, 0.0))),
-        ("dap", "dap2", installation(1.0, "r1")),
-        dap_estimate("dap2", (13.0, 4.0), sequence=1),
-        dap_estimate("dap3", (99.0, 99.0), sequence=2),
-    ).dap
-    assert dap is not None
-    assert dap.each_m == {"dap2": pytest.approx(5.0)}
+def test_too_few_strides_are_no_score() -> None:
+    with pytest.raises(ValueError, match="4 true strides"):
+        scored(lambda p: p, places(5))
 
 
-def test_nothing_is_none_and_never_nought() -> None:
-    empty = card()
-    assert msgspec.to_builtins(empty) == {
-        "pdr": dict.fromkeys(("abs", "pair", "team", "end_m", "vertical_m")),
-        "live": dict.fromkeys(("abs", "pair", "team", "end_m", "vertical_m")),
-        "dap": None,
-        "coverage95_pct": None,
-        "responders": {},
-    }
-    only_truth = card(*north_walk("r1", 5))
-    assert only_truth == empty
-    only_track = card(*told("r1", 5, lambda n, e: (n, e)))
-    assert only_track == empty
+def test_height_is_scored_where_it_is_known() -> None:
+    sunk = places() * [1.0, 1.0, 2.0]
+    errors = vertical_errors(estimated_path(walk(sunk)), truth())
+    assert errors is not None
+    assert errors.vertical_end_error_m == pytest.approx(places()[-1, 2])
+    assert errors.distance_3d_error_pct > 0.0
+    flat = truth_of_stances(np.arange(21.0), places()[:, :2])
+    assert vertical_errors(estimated_path(walk(sunk)), flat) is None
 
 
-def test_a_track_after_the_truth_ended_is_not_scored() -> None:
-    later = [estimate(100.0 + t, "r1", (0.0, 0.0), t) for t in range(5)]
-    assert card(*north_walk("r1", 20), *later).live.absolute is None
+def test_a_loop_closes() -> None:
+    loop = np.array([[0.0, 0, 0], [3, 0, 0], [3, 4, 0], [0.0, 0.3, -0.4]])
+    found = closure(estimated_path(walk(loop)))
+    assert found == pytest.approx((0.3, 0.5, 3.0 + 4.0 + math.hypot(3.0, 3.7)))
 
 
-def test_evidence_may_come_in_any_order_and_twice() -> None:
-    said: list[Said] = [
-        *north_walk("r1", 20), *told("r1", 20, lambda n, e: (n + 1.0, e)),
-        ("responder", "r1", track_start(0.0)), ("responder", "r1", stride(3.0, 1.0, 0.0)),
-        ("dap", "dap2", truth(0.0, (10.0, 0.0))), dap_estimate("dap2", (13.0, 4.0)),
-    ]  # fmt: skip
-    numbers = np.random.Generator(np.random.Philox(3))
-    shuffled = [said[k] for k in numbers.permutation(2 * len(said)) % len(said)]
-    assert card(*shuffled) == card(*said)
+def still_path(stops_s: list[tuple[float, float]], rate_hz: float = 100.0) -> tuple[Array, Array]:
+    """A path along x that moves at 1 m/s but for the stops, z up by 0.1 m."""
+    time_s = np.arange(0.0, 10.0, 1.0 / rate_hz)
+    moving = ~np.any([(a <= time_s) & (time_s < b) for a, b in stops_s], axis=0)
+    north_m = np.cumsum(moving) / rate_hz
+    return time_s, np.column_stack((north_m, 0 * north_m, 0 * north_m - 0.1))
 
 
-def test_runs_are_thrown_together() -> None:
-    def run(error_m: float) -> RunErrors:
-        return measure(
-            evidence(*north_walk("r1", 99), *told("r1", 99, lambda n, e: (n, e + error_m)))
-        )
-
-    good, bad = run(1.0), run(20.0)
-    pooled = msgspec.to_builtins(pool({"course": [good, good, good, bad], "none": []}))
-    course = pooled["scenarios"]["course"]
-    assert course["runs"] == 4
-    assert course["live"]["abs"] == {"ce50_m": pytest.approx(1.0), "ce95_m": pytest.approx(20.0)}
-    assert course["live"]["fail_pct"] == pytest.approx(25.0)
-    assert course["live"]["coverage95_pct"] == pytest.approx(75.0)
-    assert course["live"]["dap"] is None
-    assert set(course["live"]) == {"abs", "team", "pair", "dap", "fail_pct", "coverage95_pct"}
-    assert course["pdr"] == {"abs": None, "team": None, "pair": None, "fail_pct": None}
-    assert pooled["scenarios"]["none"]["live"]["abs"] is None
+@pytest.mark.parametrize("rate_hz", [100.0, 200.0])
+def test_stances_of_a_measured_path_are_its_stops(rate_hz: float) -> None:
+    found = truth_of_path(*still_path([(1.0, 2.0), (4.0, 4.5), (8.0, 8.03)], rate_hz))
+    assert found.time_s == pytest.approx([1.5, 4.25], abs=0.03)
+    assert found.position_m[:, 0] == pytest.approx([1.0, 3.0], abs=0.02)
 
 
-def test_a_key_names_whose_truth_it_is() -> None:
-    collected = Evidence()
-    collected.add(Key("exercise", "dap", "x", "truth"), truth(0.0, (1.0, 2.0)))
-    assert collected.truth("x") is None
-    assert collected.responders() == []
-    assert collected.dap_truths_m()["x"].tolist() == [1.0, 2.0, 0.0]
+def test_a_shuffle_on_the_spot_is_one_stance() -> None:
+    found = truth_of_path(*still_path([(1.0, 2.0), (2.08, 3.0)]))
+    assert len(found.time_s) == 1
+
+
+SETS = {
+    "foot_vicon/in_place": ("foot_vicon", 0.5, 5.9),
+    "foot_vicon/slow": ("foot_vicon", 0.49, 20.0),
+    "foot_vicon/walk": ("foot_vicon", 0.5, 20.0),
+    "foot_vicon/run": ("foot_vicon", 1.51, 20.0),
+    "foot_strides/walk": ("foot_strides", 1.29, 5.0),
+    "foot_strides/fast": ("foot_strides", 1.31, 20.0),
+    "foot_strides/run": ("foot_strides", 1.91, 20.0),
+    "foot_mocap": ("foot_mocap", 0.1, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_sets_go_by_mean_speed(name: str) -> None:
+    group, speed_m_s, length_m = SETS[name]
+    position_m = np.outer(np.linspace(0.0, length_m, 8), [1.0, 0.0])
+    time_s = np.linspace(3.0, 3.0 + length_m / speed_m_s, 8)
+    assert set_of(group, truth_of_stances(time_s, position_m)) == name
+
+
+def test_without_truth_the_set_is_the_group() -> None:
+    assert set_of("foot_strides", None) == "foot_strides"
+
+
+def test_a_card_sums_up_magnitudes_and_counts_failures() -> None:
+    long, short = (score_trial(n, "walks", walk(s * places()), truth()) for n, s in
+                   (("long", 1.02), ("short", 0.96)))  # fmt: skip
+    nothing = score_trial("nothing", "walks", [], truth())
+    few = score_trial("few", "walks", walk(places(4)), truth(places(4)))
+    card = score_card([long, short, nothing, few])
+    assert long.distance_error_pct == pytest.approx(2.0)
+    assert short.distance_error_pct == pytest.approx(-4.0)
+    assert nothing.failure == "no strides found"
+    assert few.failure is not None
+    walks = card.sets["walks"]
+    assert (walks["n"], walks["failed"]) == (4, 2)
+    assert walks["distance_error_pct"] == pytest.approx(Summary(3.0, 3.0, 3.8))
+
+
+def test_on_the_spot_only_height_is_scored() -> None:
+    shuffle = places(9) * 0.1
+    row = score_trial("shuffle", "foot_vicon", walk(shuffle), truth(shuffle))
+    assert row.set == "foot_vicon/in_place"
+    assert row.vertical_end_error_m == pytest.approx(0.0)
+    assert row.distance_error_pct is None
+
+
+def test_without_truth_a_trial_is_scored_by_its_closure() -> None:
+    row = score_trial("loop", "loops", walk(places()), None)
+    assert row.closure_2d_m == pytest.approx(np.linalg.norm(places()[-1, :2]))
+    assert row.length_m == pytest.approx(truth().length_m)
+
+
+def test_positions_between_knots_are_on_the_way() -> None:
+    path = EstimatedPath(
+        np.array([0.0, 1.0]), np.array([[0.0, 0, 0], [2, 4, -6]]), np.empty((0, 2))
+    )
+    np.testing.assert_allclose(
+        path.at(np.array([-5.0, 0.5, 9.0])), [[0, 0, 0], [1, 2, -3], [2, 4, -6]]
+    )

@@ -1,0 +1,114 @@
+"""``edge-agent evaluate`` from its command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from edge_agent.__main__ import main
+from edge_agent.mounts.boot import BootMount
+from shared.process import ExitCode
+from tests.synthetic_boot import SyntheticWalk
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder of one good recording, with truth."""
+    found = tmp_path / "drill"
+    found.mkdir()
+    walk = SyntheticWalk(strides=8, turn_rad=0.2)
+    samples = list(walk.samples(100.0))
+    places: NDArray[np.float64] = np.array(walk.stance_places_m)
+    np.savez(
+        found / "good.npz",
+        t_s=[sample.time_ns / 1e9 for sample in samples],
+        acc_m_s2=[sample.force_m_s2 for sample in samples],
+        gyr_rad_s=[sample.rate_rad_s for sample in samples],
+        truth_stride_index=np.rint(np.array(walk.stance_times_s) * 100.0).astype(np.int64),
+        truth_stride_xy_m=places[:, :2] * [1.0, -1.0],
+    )
+    return found
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr("sys.argv", ["edge-agent", "evaluate", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert isinstance(ended.value.code, int)
+    return ended.value.code
+
+
+def card(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_json_has_trials_and_sets(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, folder, "--json") == ExitCode.OK
+    found = card(capsys)
+    (trial,) = found["trials"]
+    assert (trial["name"], trial["set"], trial["n_strides"]) == ("good", "drill", 8)
+    assert abs(trial["distance_error_pct"]) < 0.2
+    assert trial["failure"] is None
+    assert found["sets"]["drill"]["n"] == 1
+    assert abs(found["sets"]["drill"]["ate_pct"]["median"]) < 0.1
+
+
+def test_tables_are_for_people(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, folder / "good.npz", "--mount", "boot", "--method", "linear") == 0
+    out = capsys.readouterr().out
+    assert "good" in out
+    assert "distance %" in out
+    assert "…" not in out
+
+
+def test_a_file_that_cannot_be_used_is_listed_and_counted(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "torn.npz").write_bytes((folder / "good.npz").read_bytes()[:3000])
+    assert run(monkeypatch, folder, "--json") == ExitCode.USAGE
+    found = card(capsys)
+    assert [trial["name"] for trial in found["trials"]] == ["good", "torn"]
+    assert "torn.npz: not a whole .npz file" in found["trials"][1]["failure"]
+    assert (found["sets"]["drill"]["n"], found["sets"]["drill"]["failed"]) == (2, 1)
+
+
+def test_a_trial_that_breaks_the_mount_is_listed_and_counted(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def step(*_: object) -> None:
+        raise ZeroDivisionError("of all things")
+
+    monkeypatch.setattr(BootMount, "step", step)
+    assert run(monkeypatch, folder, "--json") == ExitCode.FAILURE
+    assert card(capsys)["trials"][0]["failure"] == "ZeroDivisionError: of all things"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        pytest.param([], id="nothing named"),
+        pytest.param(["/does/not/exist"], id="no such file"),
+        pytest.param(["simulated:no_such_scenario"], id="no such scenario"),
+        pytest.param([".", "--method", "guess"], id="no such method"),
+        pytest.param([".", "--colour"], id="no such option"),
+    ],
+)
+def test_a_wrong_command_line_exits_with_2(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(monkeypatch, *arguments) == ExitCode.USAGE
+
+
+def test_an_empty_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(monkeypatch, tmp_path) == ExitCode.USAGE
