@@ -20,11 +20,11 @@ _STYLES = {
 
 def roster_table(roster: Roster) -> Table:
     """Return the roster: responders, then DAPs."""
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", min_width=6, no_wrap=True)
-    for heading in ("north m", "east m", "down m", "95 % m", "heard s"):
-        table.add_column(heading, justify="right", min_width=len(heading), no_wrap=True)
-    table.add_column("status", min_width=32)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("", min_width=5, no_wrap=True)
+    for heading in ("north m", "east m", "down m", "95 % m", "heard"):
+        table.add_column(heading, justify="right", min_width=7, no_wrap=True)
+    table.add_column("status", min_width=30)
     for responder in roster.responders:
         table.add_row(responder.responder_id, *_row(responder))
     table.add_section()
@@ -35,7 +35,7 @@ def roster_table(roster: Roster) -> Table:
 
 def _row(row: ResponderRow | DapRow) -> tuple[str | Text, ...]:
     """Return place, the longer half-axis of the 95 % ellipse, age and status with its reason."""
-    age = "" if row.heard_age_s is None else f"{row.heard_age_s:.0f}"
+    age = "" if row.heard_age_s is None else f"{row.heard_age_s:.0f} s"
     status = Text(row.status.replace("_", " "), _STYLES[row.status]) + Text(f": {row.reason}")
     if row.position is None or row.radii95_m is None:
         return "", "", "", "", age, status

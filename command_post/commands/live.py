@@ -26,7 +26,7 @@ from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import SystemClock
 from shared.config import ConfigError
 from shared.files import replace_atomically
-from shared.process import ExitCode, stop_on_signals, stop_with_parent
+from shared.process import ExitCode, configure_logging, stop_on_signals, stop_with_parent
 from shared.simulation.scenario import load_scenario
 from shared.topics import check_id
 
@@ -141,6 +141,7 @@ def demo(
     except (ConfigError, OSError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
+    configure_logging("warning")
     console = Console(stderr=True)
     try:
         with stop_on_signals() as stop:

@@ -19,6 +19,7 @@ from command_post.rehearsal import RehearsalError
 from command_post.rehearsal import rehearse as rehearse_scenario
 from command_post.score_table import pooled_table
 from shared.config import ConfigError
+from shared.exercise import REHEARSAL_INCIDENT
 from shared.process import ExitCode
 from shared.simulation.scenario import load_scenario
 
@@ -48,7 +49,8 @@ def rehearse(
         Replace a recording that is there already.
 
     """
-    settings = IncidentSettings(fusion=FusionSettings(seed=seed))
+    fusion = FusionSettings(seed=seed)
+    settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
     try:
         load_scenario(scenario)
         rehearse_scenario(scenario, seed, settings, output, replace=replace)
@@ -90,7 +92,8 @@ def montecarlo(
         Print the score card as one JSON object.
 
     """
-    settings = IncidentSettings(fusion=FusionSettings(particles=particles))
+    fusion = FusionSettings(particles=particles)
+    settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
     errors: dict[str, list[RunErrors]] = {}
     console = Console(stderr=True)
     try:
