@@ -1,0 +1,1 @@
+"""What ``dap-node`` does, one module for what belongs together."""

@@ -1,0 +1,190 @@
+"""``dap-node run`` and ``dap-node rehearse``: a DAP at work, live or offline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from threading import Event
+from typing import Annotated
+
+import structlog
+from cyclopts import Parameter, validators
+from rich.console import Console
+from rich.progress import track
+
+from dap_node.node import DapNode
+from dap_node.proximity import ProximitySettings
+from dap_node.scanners.observation import Observation
+from dap_node.scanners.simulated import SimulatedScanner
+from shared.bus.interface import Bus
+from shared.bus.wire_log import WireLogBus
+from shared.bus.zenoh_bus import open_zenoh
+from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
+from shared.config import load_toml
+from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
+from shared.messages import NodeId
+from shared.process import (
+    ExitCode,
+    configure_logging,
+    stop_on_signals,
+    stop_with_parent,
+    wait_until,
+)
+from shared.simulation.scenario import Scenario, load_scenario
+from shared.topics import alive_key, check_id
+
+DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
+DEFAULT_LISTEN = "tcp/127.0.0.1:0"
+SIMULATED = "simulated:"
+POLL_S = 0.1
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+def run(
+    *,
+    dap_id: Annotated[str, Parameter(name="--id")],
+    scan: str,
+    incident: str = "incident",
+    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
+    listen: str = DEFAULT_LISTEN,
+    proximity: Path | None = None,
+    seed: int = 1,
+    speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0))] = 1.0,
+    await_start: bool = False,
+    with_parent: Annotated[bool, Parameter(show=False)] = False,
+) -> int:
+    """Say who is near this DAP and where it stands, and relay for others.
+
+    Runs until SIGINT or SIGTERM, or until a simulated exercise is over and no responder is alive
+    that it might relay for. Example: dap-node run --id dap2 --scan simulated:four_daps --speed 4
+
+    Parameters
+    ----------
+    dap_id
+        Name of the DAP.
+    scan
+        Where signal strengths come from: simulated:SCENARIO.
+    incident
+        Name of the incident.
+    connect
+        Posts and DAPs to dial, one an option; the links to all are kept up.
+    listen
+        Where agents and other DAPs find this one; loopback only, for links are not encrypted yet.
+    proximity
+        TOML file with the thresholds of nearness for another radio than the usual.
+    seed
+        Of a simulated scan.
+    speed
+        How many times as fast as real, of a simulated scan.
+    await_start
+        Begin with the exercise, at its speed.
+    with_parent
+        Stop when standard input closes.
+
+    """
+    with stop_on_signals() as stop:
+        if with_parent:
+            stop_with_parent(stop)
+        try:
+            check_id(incident, "--incident")
+            check_id(dap_id, "--id")
+            settings = load_toml(proximity, ProximitySettings) if proximity else ProximitySettings()
+            scanner = open_scanner(scan, dap_id, seed)
+            bus = open_zenoh("router", connect, [listen])
+        except ValueError as error:
+            _log.error(str(error))
+            return ExitCode.USAGE
+        except OSError as error:
+            _log.error(str(error))
+            return ExitCode.FAILURE
+        with bus:
+            company = Company(bus, incident)
+            node = DapNode(bus, incident, dap_id, settings)
+            start_ns = SystemClock().now_ns()
+            if await_start:
+                exercise = await_exercise(bus, incident, stop)
+                if exercise is None:
+                    return ExitCode.OK
+                start_ns, speed = exercise.event_time_ns, exercise.speed
+            follow(node, scanner.observations(start_ns), ScaledClock(start_ns, speed), stop)
+            company.wait_until_gone(stop)
+    return ExitCode.OK
+
+
+def rehearse(scenario: str, *, seeds: str = "1", output: Path) -> int:
+    """Let all DAPs of a scenario hear it offline, and write what they would have published.
+
+    Leaves a wire log for each DAP, OUTPUT/SEED/DAP.wire. Example: dap-node rehearse four_daps
+    --seeds 0-9 --output logs
+
+    Parameters
+    ----------
+    scenario
+        A packaged scenario's name, or a TOML file.
+    seeds
+        One seed, or the first and the last: 0-9.
+    output
+        Folder for the logs.
+
+    """
+    try:
+        loaded = load_scenario(scenario)
+        jobs = [(seed, dap_id) for seed in seeds_in(seeds) for dap_id in loaded.daps]
+    except ValueError as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    configure_logging("warning")
+    console = Console(stderr=True)
+    for seed, dap_id in track(
+        jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
+    ):
+        rehearse_dap(loaded, dap_id, seed, output / str(seed))
+    return ExitCode.OK
+
+
+def open_scanner(scan: str, dap_id: NodeId, seed: int) -> SimulatedScanner:
+    """Return the scanner that ``--scan`` names; ``ValueError`` if it cannot be used."""
+    if not scan.startswith(SIMULATED):
+        raise ValueError(f"--scan {scan!r}: write {SIMULATED}SCENARIO, as in simulated:four_daps")
+    return SimulatedScanner(load_scenario(scan.removeprefix(SIMULATED)), dap_id, seed)
+
+
+def follow(node: DapNode, observations: Iterable[Observation], clock: Clock, stop: Event) -> None:
+    """Hand each observation to the node as the clock comes to its time, until ``stop`` is set."""
+    for observation in observations:
+        if not wait_until(clock, observation.time_ns, stop):
+            return
+        node.take(observation)
+
+
+class Company:
+    """The responders of an incident that are alive: their messages may come this way."""
+
+    def __init__(self, bus: Bus, incident: NodeId) -> None:
+        self._alive: set[str] = set()
+        bus.watch_alive(alive_key(incident, "responder", "*"), self._note)
+
+    def wait_until_gone(self, stop: Event) -> None:
+        """Wait until there are none, or until ``stop`` is set."""
+        while self._alive and not stop.wait(POLL_S):
+            pass
+
+    def _note(self, key: str, is_alive: bool) -> None:
+        if is_alive:
+            self._alive.add(key)
+        else:
+            self._alive.discard(key)
+
+
+def rehearse_dap(scenario: Scenario, dap_id: NodeId, seed: int, folder: Path) -> None:
+    """Write what ``dap_id`` would publish in the exercise of ``seed`` to ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    clock = ManualClock()
+    with WireLogBus(folder / f"{dap_id}.wire", clock) as bus:
+        node = DapNode(bus, REHEARSAL_INCIDENT, dap_id)
+        for observation in SimulatedScanner(scenario, dap_id, seed).observations(
+            REHEARSAL_START_NS
+        ):
+            clock.set_ns(observation.time_ns)
+            node.take(observation)

@@ -1,0 +1,156 @@
+"""The DAP's shell: what its scanner reports goes in, what there is to tell goes on the bus.
+
+The node knows no time but that of what it is given: whoever drives it waits for each observation
+(live) or does not (rehearsal), and the same messages come out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import structlog
+
+from dap_node.installation import Installation, Stage, Standing
+from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
+from dap_node.scanners.observation import Observation, Scan, SetDown
+from shared.bus.inbox import Inbox
+from shared.bus.interface import Bus, Received
+from shared.clock import NS_PER_S
+from shared.codec import Refusal, decode, parse_key
+from shared.messages import (
+    DapEstimate,
+    DapInstallation,
+    NodeId,
+    ProximityEvent,
+    RssiReport,
+    Truth,
+    Vector3,
+)
+from shared.sender import Sender
+from shared.topics import Key, alive_key
+
+INBOX_MESSAGES = 256
+TRUTH_PERIOD_NS = 10 * NS_PER_S
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+class DapNode:
+    """One DAP: takes observations in the order of time, and says what follows from them.
+
+    ``refusals`` counts, by reason, what posts said to DAPs that could not be understood.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        incident: NodeId,
+        dap_id: NodeId,
+        proximity: ProximitySettings | None = None,
+    ) -> None:
+        self.refusals: Counter[str] = Counter()
+        self._sender = Sender(bus, incident, "dap", dap_id)
+        self._standing = Standing(dap_id)
+        self._detector = ProximityDetector(proximity or ProximitySettings())
+        self._place_payload: bytes | None = None
+        self._truth_m: Vector3 | None = None
+        self._truth_due_ns = 0
+        self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
+        bus.subscribe(str(Key(incident, "post", "*", "dap_place")), self._inbox.put)
+        bus.answer(self._sender.key(DapInstallation), lambda: self._place_payload)
+        bus.declare_alive(alive_key(incident, "dap", dap_id))
+
+    @property
+    def stage(self) -> Stage:
+        """How much is known of where the DAP stands."""
+        return self._standing.stage
+
+    def take(self, observation: Observation) -> None:
+        """Take in what the scanner reports next, after what posts have told meanwhile."""
+        self._heed_posts()
+        match observation:
+            case SetDown():
+                self._set_down(observation)
+            case Scan():
+                self._scan(observation)
+        self._tell_truth(observation.time_ns)
+
+    def _set_down(self, report: SetDown) -> None:
+        installation = Installation(report.time_ns, report.installer_id, report.position)
+        self._standing.set_down(installation)
+        self._truth_m = report.truth_m
+        self._say_place(installation)
+        _log.info("set down", installer_id=report.installer_id, stage=self.stage)
+
+    def _scan(self, scan: Scan) -> None:
+        for responder_id, rssi_dbm in scan.rssi_dbm.items():
+            self._detector.add(scan.time_ns, responder_id, rssi_dbm)
+            self._sender.send(
+                RssiReport(
+                    event_time_ns=scan.time_ns,
+                    sequence=self._sender.next_sequence(RssiReport),
+                    responder_id=responder_id,
+                    rssi_dbm=rssi_dbm,
+                )
+            )
+        for proximity in self._detector.tick(scan.time_ns):
+            self._say_near(proximity)
+
+    def _heed_posts(self) -> None:
+        for received in self._inbox.get_all():
+            key = parse_key(received.key)
+            message = key if isinstance(key, Refusal) else decode(key, received.payload)
+            if isinstance(message, Refusal):
+                self._refuse(received.key, message)
+            elif isinstance(message, DapEstimate):
+                self._learn(message)
+
+    def _learn(self, estimate: DapEstimate) -> None:
+        installation = self._standing.learn(estimate)
+        if installation is not None:
+            self._say_place(installation)
+            _log.info("placed", position=installation.position)
+
+    def _refuse(self, key: str, refusal: Refusal) -> None:
+        self.refusals[refusal.reason] += 1
+        if self.refusals[refusal.reason] == 1:
+            _log.warning("refused", key=key, reason=refusal.reason, detail=refusal.detail)
+
+    def _say_place(self, installation: Installation) -> None:
+        place = DapInstallation(
+            event_time_ns=installation.time_ns,
+            sequence=self._sender.next_sequence(DapInstallation),
+            installer_id=installation.installer_id,
+            position=installation.position,
+        )
+        self._place_payload = self._sender.send(place)
+
+    def _say_near(self, proximity: Proximity) -> None:
+        heard = proximity.heard
+        self._sender.send(
+            ProximityEvent(
+                event_time_ns=proximity.time_ns,
+                sequence=self._sender.next_sequence(ProximityEvent),
+                responder_id=proximity.responder_id,
+                phase=proximity.phase,
+                rssi_mean_dbm=heard.mean_dbm,
+                rssi_variance_db2=heard.variance_db2,
+                sample_count=heard.sample_count,
+            )
+        )
+
+    def _tell_truth(self, now_ns: int) -> None:
+        """Say where the DAP really stands, now and then: whoever records late wants it too."""
+        if self._truth_m is None or now_ns < self._truth_due_ns:
+            return
+        self._truth_due_ns = now_ns + TRUTH_PERIOD_NS
+        north_m, east_m, down_m = self._truth_m
+        self._sender.send(
+            Truth(
+                event_time_ns=now_ns,
+                sequence=self._sender.next_sequence(Truth),
+                north_m=north_m,
+                east_m=east_m,
+                down_m=down_m,
+            )
+        )

@@ -1,0 +1,66 @@
+"""The scanner of a simulated exercise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dap_node.scanners.observation import Observation, Scan, SetDown
+from shared.clock import NS_PER_S
+from shared.messages import LocalPosition, NodeId
+from shared.simulation.installation import installation_truth
+from shared.simulation.radio import simulate_scans
+from shared.simulation.scenario import Scenario
+
+SURVEYED_SD_M = 0.1
+"""How well a DAP that stands at a known place is placed there."""
+
+EMPTY_SCANS_S = 5.0
+"""Scanning goes on for so long after the exercise, so that every stay is seen to end."""
+
+
+class SimulatedScanner:
+    """What a DAP of ``scenario`` meets with in the exercise of ``seed``, worked out beforehand."""
+
+    def __init__(self, scenario: Scenario, dap_id: NodeId, seed: int) -> None:
+        """Raise ``ValueError`` if the scenario has no such DAP."""
+        if dap_id not in scenario.daps:
+            known = ", ".join(scenario.daps) or "none"
+            raise ValueError(f"no DAP {dap_id!r} in the scenario; there are: {known}")
+        time_s, place_m, self._installer_id = installation_truth(scenario, dap_id, seed)
+        self._installed_s = time_s
+        self._truth_m = (float(place_m[0]), float(place_m[1]), float(place_m[2]))
+        self._is_surveyed = scenario.daps[dap_id].position_m is not None
+        self._scans = simulate_scans(scenario, dap_id, seed)
+        self._period_s = 1.0 / scenario.radio.scan_rate_hz
+
+    def observations(self, start_ns: int) -> Iterator[Observation]:
+        """Yield the installation and all scans of an exercise that starts at ``start_ns``."""
+
+        def at(time_s: float) -> int:
+            return start_ns + round(time_s * NS_PER_S)
+
+        yield SetDown(at(self._installed_s), self._installer_id, self._position(), self._truth_m)
+        for index, time_s in enumerate(self._scans.time_s):
+            heard = {
+                responder_id: float(rssi_dbm[index])
+                for responder_id, rssi_dbm in self._scans.rssi_dbm.items()
+                if not np.isnan(rssi_dbm[index])
+            }
+            yield Scan(at(float(time_s)), heard)
+        end_s = float(self._scans.time_s[-1]) if len(self._scans.time_s) else self._installed_s
+        for after_s in np.arange(self._period_s, EMPTY_SCANS_S, self._period_s):
+            yield Scan(at(end_s + float(after_s)), {})
+
+    def _position(self) -> LocalPosition | None:
+        if not self._is_surveyed:
+            return None
+        north_m, east_m, down_m = self._truth_m
+        variance_m2 = SURVEYED_SD_M**2
+        return LocalPosition(
+            north_m=north_m,
+            east_m=east_m,
+            down_m=down_m,
+            covariance_m2=(variance_m2, 0.0, variance_m2),
+        )

@@ -1,0 +1,204 @@
+"""A DAP among others: what it says, answers and hears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import count
+from threading import Event, Thread
+
+import pytest
+
+from dap_node.commands.serve import Company, follow
+from dap_node.node import DapNode
+from dap_node.scanners.observation import Scan, SetDown
+from shared.bus.interface import Received
+from shared.bus.memory import MemoryBus, MemoryNetwork
+from shared.clock import NS_PER_S, ManualClock
+from shared.codec import Refusal, decode, encode, parse_key
+from shared.messages import (
+    DapEstimate,
+    DapInstallation,
+    LocalPosition,
+    Message,
+    ProximityEvent,
+    RssiReport,
+    Truth,
+)
+from shared.topics import alive_key, everything_of
+
+START_NS = 1_700_000_000 * NS_PER_S
+PLACE = LocalPosition(north_m=5.0, east_m=20.0, down_m=0.0, covariance_m2=(0.5, 0.1, 0.4))
+INSTALLATION_KEY = "clew/v1/test/dap/dap2/installation"
+PLACE_KEY = "clew/v1/test/post/post/dap_place"
+
+
+class Site:
+    """A DAP on a network of its own, and somebody who hears all that is said there."""
+
+    def __init__(self) -> None:
+        network = MemoryNetwork()
+        self.others: MemoryBus = network.connect()
+        self.heard: list[Received] = []
+        self.alive: list[tuple[str, bool]] = []
+        self.others.subscribe(everything_of("test"), self.heard.append)
+        self.others.watch_alive(
+            "clew/v1/test/*/*/alive", lambda key, is_alive: self.alive.append((key, is_alive))
+        )
+        self.bus = network.connect()
+        self.node = DapNode(self.bus, "test", "dap2")
+
+    def said(self, kind: type[Message]) -> list[Message]:
+        """Return all that the DAP has said of one kind."""
+        return [message for message in map(decoded, self.heard) if type(message) is kind]
+
+    def answers(self) -> list[Message]:
+        """Return what queries for the installation give."""
+        return [decoded(answer) for answer in self.others.query(INSTALLATION_KEY, 1.0)]
+
+    def tell(self, estimate: DapEstimate) -> None:
+        """Publish an estimate as a post does."""
+        self.others.publish(PLACE_KEY, encode(estimate))
+
+
+def decoded(received: Received) -> Message:
+    key = parse_key(received.key)
+    assert not isinstance(key, Refusal)
+    message = decode(key, received.payload)
+    assert not isinstance(message, Refusal)
+    return message
+
+
+def at(time_s: float) -> int:
+    return START_NS + round(time_s * NS_PER_S)
+
+
+def scans(from_s: float, until_s: float, **rssi_dbm: float) -> Iterator[Scan]:
+    for index in range(round((until_s - from_s) / 0.2)):
+        yield Scan(at(from_s + 0.2 * index), rssi_dbm)
+
+
+def estimate(position: LocalPosition = PLACE, time_ns: int = START_NS) -> DapEstimate:
+    return DapEstimate(event_time_ns=time_ns, sequence=0, dap_id="dap2", position=position)
+
+
+@pytest.fixture
+def site() -> Iterator[Site]:
+    site = Site()
+    with site.others, site.bus:
+        yield site
+
+
+def installation(sequence: int, position: LocalPosition | None) -> DapInstallation:
+    return DapInstallation(
+        event_time_ns=START_NS, sequence=sequence, installer_id="r1", position=position
+    )
+
+
+def test_it_says_and_answers_where_it_was_installed(site: Site) -> None:
+    assert site.answers() == []
+    site.node.take(SetDown(START_NS, "r1", None))
+    assert site.said(DapInstallation) == site.answers() == [installation(0, None)]
+    site.tell(estimate())
+    site.node.take(Scan(at(0.2), {}))
+    assert site.said(DapInstallation) == [installation(0, None), installation(1, PLACE)]
+    assert site.answers() == [installation(1, PLACE)]
+    assert site.node.stage == "placed"
+
+
+def test_what_it_is_told_again_it_does_not_say_again(site: Site) -> None:
+    site.node.take(SetDown(START_NS, "r1", None))
+    for _ in range(3):
+        site.tell(estimate())
+        site.node.take(Scan(at(0.2), {}))
+    assert len(site.said(DapInstallation)) == 2
+
+
+def test_it_reports_every_reading_and_who_is_near(site: Site) -> None:
+    site.node.take(SetDown(START_NS, None, PLACE))
+    for scan in scans(0.2, 3.0, r1=-42.0, r2=-80.0):
+        site.node.take(scan)
+    for scan in scans(3.0, 8.0, r2=-80.0):
+        site.node.take(scan)
+    reports = site.said(RssiReport)
+    assert [report.sequence for report in reports] == list(range(len(reports)))
+    assert len(reports) == 2 * 14 + 25
+    events = [event for event in site.said(ProximityEvent) if isinstance(event, ProximityEvent)]
+    assert [event.phase for event in events] == ["entered", "near", "near", "left"]
+    assert {event.responder_id for event in events} == {"r1"}
+    assert [event.sequence for event in events] == list(range(4))
+    assert (events[0].event_time_ns, events[0].sample_count) == (at(0.5), 4)
+    assert (events[0].rssi_mean_dbm, events[0].rssi_variance_db2) == (-42.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "payload", "reason"),
+    [
+        (PLACE_KEY, b"\xc1 no MessagePack", "not_messagepack"),
+        (PLACE_KEY, encode(installation(0, None)), "invalid"),
+        (PLACE_KEY, bytes(70_000), "too_large"),
+    ],
+)
+def test_garbage_is_counted_and_harmless(site: Site, key: str, payload: bytes, reason: str) -> None:
+    site.node.take(SetDown(START_NS, "r1", None))
+    site.others.publish(key, payload)
+    site.others.publish(key, payload)
+    site.tell(estimate())
+    site.node.take(Scan(at(0.2), {}))
+    assert site.node.refusals == {reason: 2}
+    assert site.answers() == [installation(1, PLACE)]
+    assert site.bus.handler_failures == 0
+
+
+def test_estimates_before_it_stands_and_of_other_times_are_passed_over(site: Site) -> None:
+    site.tell(estimate())
+    site.node.take(SetDown(START_NS, "r1", None))
+    site.tell(estimate(time_ns=START_NS + 1))
+    site.node.take(Scan(at(0.2), {}))
+    assert site.node.stage == "installed"
+    assert not site.node.refusals
+
+
+def test_it_is_alive_until_it_closes(site: Site) -> None:
+    token = alive_key("test", "dap", "dap2")
+    assert site.alive == [(token, True)]
+    site.bus.close()
+    assert site.alive == [(token, True), (token, False)]
+
+
+def test_only_a_simulated_dap_tells_the_truth_now_and_then(site: Site) -> None:
+    site.node.take(SetDown(START_NS, "r1", None))
+    site.node.take(Scan(at(0.2), {}))
+    assert site.said(Truth) == []
+    site.node.take(SetDown(at(1.0), "r1", None, truth_m=(1.0, 2.0, -3.0)))
+    for scan in scans(1.2, 22.0):
+        site.node.take(scan)
+    told = [truth for truth in site.said(Truth) if isinstance(truth, Truth)]
+    assert [truth.sequence for truth in told] == [0, 1, 2]
+    assert {(truth.north_m, truth.east_m, truth.down_m) for truth in told} == {(1.0, 2.0, -3.0)}
+
+
+def test_it_follows_its_scanner_until_it_is_stopped(site: Site) -> None:
+    stop = Event()
+
+    def endless() -> Iterator[Scan]:
+        for index in count():
+            if index == 3:
+                stop.set()
+            yield Scan(at(0.2 * index), {"r1": -60.0})
+
+    follow(site.node, endless(), ManualClock(START_NS), stop)
+    assert len(site.said(RssiReport)) == 3
+
+
+def test_it_stays_for_responders_that_are_alive() -> None:
+    network = MemoryNetwork()
+    with network.connect() as bus, network.connect() as responder:
+        company = Company(bus, "test")
+        responder.declare_alive(alive_key("test", "responder", "r1"))
+        responder.declare_alive(alive_key("elsewhere", "responder", "r1"))
+        waiter = Thread(target=company.wait_until_gone, args=(Event(),))
+        waiter.start()
+        assert waiter.is_alive()
+        responder.close()
+        waiter.join(20.0)
+        assert not waiter.is_alive()

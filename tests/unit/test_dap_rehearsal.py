@@ -1,0 +1,125 @@
+"""A DAP offline: the log is what it would have said, and the same each time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from structlog.testing import capture_logs
+
+from dap_node.__main__ import app
+from dap_node.commands.serve import rehearse_dap
+from dap_node.evaluation import LinkTrial, detect, score, try_dap
+from dap_node.proximity import ProximitySettings
+from dap_node.scanners.simulated import SimulatedScanner
+from shared.bus.wire_log import read_wire_log
+from shared.codec import Refusal, decode, parse_key
+from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
+from shared.messages import ProximityEvent
+from shared.process import ExitCode
+from shared.simulation.scenario import Scenario, load_scenario
+
+SEED = 5
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load_scenario("four_daps")
+
+
+def test_the_log_is_all_that_it_says_in_the_order_of_time(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    rehearse_dap(scenario, "dap2", SEED, tmp_path)
+    frames = list(read_wire_log(tmp_path / "dap2.wire"))
+    times_ns = [frame.time_ns for frame in frames]
+    assert times_ns == sorted(times_ns)
+    assert times_ns[0] > REHEARSAL_START_NS
+    topics: Counter[str] = Counter()
+    told = []
+    for frame in frames:
+        key = parse_key(frame.key)
+        assert not isinstance(key, Refusal)
+        message = decode(key, frame.payload)
+        assert not isinstance(message, Refusal)
+        assert (key.incident, key.role, key.node_id) == (REHEARSAL_INCIDENT, "dap", "dap2")
+        assert message.sequence == topics[key.topic]
+        topics[key.topic] += 1
+        if isinstance(message, ProximityEvent):
+            told.append((message.event_time_ns, message.responder_id, message.phase))
+    assert topics["installation"] == 1
+    assert set(topics) == {"installation", "truth", "rssi", "proximity"}
+    observations = SimulatedScanner(scenario, "dap2", SEED).observations(REHEARSAL_START_NS)
+    assert told == [event[:3] for event in detect(observations, ProximitySettings())]
+
+
+def test_rehearsed_in_another_process_it_says_the_same(scenario: Scenario, tmp_path: Path) -> None:
+    command = ["rehearse", "four_daps", "--seeds", "2-3", "--output", str(tmp_path / "logs")]
+    ran = subprocess.run(
+        [sys.executable, "-m", "dap_node", *command], capture_output=True, text=True, check=True
+    )
+    assert (ran.stdout, ran.stderr) == ("", "")
+    logs = sorted(str(path.relative_to(tmp_path / "logs")) for path in tmp_path.glob("logs/*/*"))
+    assert logs == [f"{seed}/dap{number}.wire" for seed in (2, 3) for number in (1, 2, 3, 4)]
+    rehearse_dap(scenario, "dap2", 2, tmp_path)
+    log = (tmp_path / "dap2.wire").read_bytes()
+    assert (tmp_path / "logs/2/dap2.wire").read_bytes() == log
+    assert (tmp_path / "logs/3/dap2.wire").read_bytes() != log
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["rehearse", "four_dap", "--output", "."], "four_daps"),
+        (["rehearse", "four_daps", "--seeds", "9-0", "--output", "."], "as in 0-9"),
+        (["evaluate", "course"], "no DAP to evaluate"),
+        (["run", "--id", "dap2", "--scan", "wlan0"], "write simulated:SCENARIO"),
+        (["run", "--id", "dap/2", "--scan", "simulated:four_daps"], "--id 'dap/2'"),
+        (["run", "--id", "dap2", "--scan", "simulated:four_daps", "--listen", "tcp/0.0.0.0:1"],
+         "neither encrypts nor authenticates"),
+    ],
+)  # fmt: skip
+def test_mistakes_on_the_command_line_are_told(arguments: list[str], complaint: str) -> None:
+    with capture_logs() as logs:
+        code = app(arguments, exit_on_error=False, result_action="return_value")
+    assert code == ExitCode.USAGE
+    assert complaint in logs[-1]["event"]
+
+
+def test_near_means_within_some_metres(scenario: Scenario) -> None:
+    """Fusion takes it as at the DAP, with a standard deviation of 1.7 m in each direction."""
+    trials = [
+        trial
+        for seed in range(2)
+        for dap_id in scenario.daps
+        for trial in try_dap(scenario, dap_id, seed, ProximitySettings())
+    ]
+    told = score(trials)
+    assert told.events > 100
+    assert told.p50_m < 1.7
+    assert told.p95_m < 1.7 * 2.45
+    assert told.beyond_5_m < 0.05
+    assert told.noticed > 0.7 * told.passes
+
+
+def test_scores_add_up() -> None:
+    told = score(
+        [
+            LinkTrial(np.array([1.0]), np.array([2.0, 3.0]), 2, 1),
+            LinkTrial(np.array([]), np.array([]), 1, 0),
+            LinkTrial(np.array([3.0]), np.array([6.0]), 1, 1),
+        ]
+    )
+    assert (told.stays, told.events, told.passes, told.noticed) == (2, 5, 4, 2)
+    assert (told.entered_p50_m, told.p50_m) == (2.0, 3.0)
+    assert (told.beyond_3_m, told.beyond_5_m) == (0.2, 0.2)
+
+
+def test_without_an_event_there_is_no_distance() -> None:
+    told = score([LinkTrial(np.array([]), np.array([]), 1, 0)])
+    assert (told.events, told.passes) == (0, 1)
+    assert np.isnan(told.p50_m)
