@@ -16,7 +16,7 @@ import pytest
 from command_post.commands.scoring import read_evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.replay import replay
-from shared.mcap_reader import read_recording
+from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode
 from tests.waiting import wait_for
 
@@ -70,8 +70,11 @@ def alive(pid: int) -> bool:
 
 def begun(output: Path) -> bool:
     """Say whether the recording has begun to hold estimates."""
-    part = output / "short.mcap.part"
-    return part.exists() and any(message.key.endswith("/track") for message in read_recording(part))
+    try:
+        recording = read_recording(output / "short.mcap.part")
+        return any(message.key.endswith("/track") for message in recording)
+    except RecordingError:
+        return False
 
 
 linux = pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc to see processes")
