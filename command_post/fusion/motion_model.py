@@ -36,7 +36,7 @@ class MotionModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     position_sd_per_m: Noise = 0.05
     lost_sd_m: Noise = 1.0
     offset_sd_rad: Noise = math.radians(0.1)
-    drift_sd_rad: Noise = math.radians(0.9)
+    drift_sd_rad: Noise = math.radians(0.7)
 
     def position_noise_m(self, increment: OdometryIncrement, lost: int) -> float:
         """Return the standard deviation to add to north and to east, ``lost`` increments missed."""

@@ -20,8 +20,8 @@ class ProximityModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     responder stands, one DAP's repeats all tell the same: the next counts after ``again_after_m``.
     """
 
-    sd_m: Annotated[float, Meta(ge=0.1, le=100.0)] = 2.2
-    again_after_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.5
+    sd_m: Annotated[float, Meta(ge=0.1, le=100.0)] = 2.5
+    again_after_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 1.0
 
     def log_likelihood(
         self, north_m: Floats, east_m: Floats, dap_north_m: float, dap_east_m: float
