@@ -21,7 +21,7 @@ from shared.simulation.variation import unrest, varied_shapes
 Array: TypeAlias = NDArray[np.float64]
 
 BODY_RATE_HZ = 20.0
-SENSOR_PLACE_M = (0.07, 0.14, 0.08)
+SENSOR_PLACE_M = (0.055, 0.14, 0.08)
 SENSOR_PLACE_SPREAD_M = (0.006, 0.01, 0.01)
 """The sensor above the sole, ahead of the heel, behind the ball: mean, standard deviation."""
 
