@@ -15,7 +15,6 @@ import re
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from types import TracebackType
 from typing import Any, Literal, Protocol, Self, TypeAlias
 
 import structlog
@@ -121,11 +120,11 @@ def _configuration(mode: Mode, connect: Sequence[str], listen: Sequence[str]) ->
 class ZenohBus:
     """A ``Bus`` over the network; ``open_zenoh`` makes one.
 
-    It may be used from any thread but from within a handler, save that a daemon thread must not
-    declare. Handlers and answerers run on Zenoh's threads: they must only enqueue, or return what
-    is at hand. Without a session (a client
-    before it finds a router) what is published is dropped and counted, queries find nobody, and
-    declarations wait. Close clients before the routers they are connected to.
+    Handlers and answerers run on Zenoh's threads: they must only enqueue, or return what is at
+    hand, and not call the bus. Any other thread may call it, save that a daemon thread must not
+    declare. Without a session (a client before it finds a router) what is published is dropped
+    and counted, queries find nobody, and declarations wait; afterwards links may break and come
+    back, and Zenoh declares anew by itself. Close clients before the routers they dial.
     """
 
     def __init__(self, mode: Mode, connect: Sequence[str], listen: Sequence[str]) -> None:
@@ -220,9 +219,11 @@ class ZenohBus:
         """
         check_key_expression(key_expression)
         session = self._session
+        if session is None:
+            return []
         answers: list[Received] = []
-        with suppress(zenoh.ZError):
-            for reply in _ask(session, key_expression, timeout_s) if session is not None else ():
+        with suppress(zenoh.ZError):  # closed meanwhile
+            for reply in _ask(session, key_expression, timeout_s):
                 if reply.ok is not None:
                     answers.append(Received(str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
                 elif reply.err is not None:
@@ -271,12 +272,7 @@ class ZenohBus:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _open_client(self) -> None:
