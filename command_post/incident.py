@@ -34,6 +34,7 @@ from shared.topics import TOPICS, Key, Role, check_id
 MOST_NODES = 1024
 MOST_KEYS_KNOWN = 16_384
 MOST_REFUSAL_KINDS = 4096
+MOST_DETAIL = 200
 UNNAMED = "?"
 
 _FUSED = frozenset(
@@ -93,7 +94,7 @@ class Incident:
         self.settings = settings
         self.refusals: Counter[tuple[str, str]] = Counter()
         self._notices: list[Notice] = []
-        self._keys: dict[str, Key | Refusal] = {}
+        self._keys: dict[str, Key] = {}
         self._heard_ns: dict[tuple[Role, str], int] = {}
         self._time_line = TimeLine(settings.time_line)
         self._tracker = Tracker(settings.fusion)
@@ -173,7 +174,7 @@ class Incident:
             if len(self.refusals) >= MOST_REFUSAL_KINDS:
                 kind = (reason, UNNAMED)
             if kind not in self.refusals:
-                self._notices.append(Notice(*kind, detail))
+                self._notices.append(Notice(*kind, detail[:MOST_DETAIL]))
         self.refusals[kind] += 1
 
     def _fuse(self, events: list[Event]) -> list[Outgoing]:
