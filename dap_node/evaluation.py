@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
 from dap_node.scanners.observation import Observation, Scan
 from dap_node.scanners.simulated import SimulatedScanner
-from shared.clock import NS_PER_S
-from shared.messages import NodeId
+from shared.messages import NS_PER_S, NodeId
 from shared.simulation.installation import installation_truth
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk

@@ -15,9 +15,9 @@ from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
 from dap_node.scanners.observation import Observation, Scan, SetDown
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
-from shared.clock import NS_PER_S
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
+    NS_PER_S,
     DapEstimate,
     DapInstallation,
     NodeId,

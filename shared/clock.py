@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-NS_PER_S = 1_000_000_000
+from shared.messages import NS_PER_S
+
+__all__ = ["NS_PER_S", "Clock", "ManualClock", "ScaledClock", "SystemClock"]
 
 
 class Clock(Protocol):

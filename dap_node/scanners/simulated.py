@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dap_node.scanners.observation import Observation, Scan, SetDown
-from shared.clock import NS_PER_S
-from shared.messages import LocalPosition, NodeId
+from shared.messages import NS_PER_S, LocalPosition, NodeId
 from shared.simulation.installation import installation_truth
 from shared.simulation.radio import simulate_scans
 from shared.simulation.scenario import Scenario
