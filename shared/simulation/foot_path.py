@@ -90,7 +90,10 @@ class FootPath:
         return position_m, shift[:, 3:] + np.array([0.0, self.posture_rad[0], heading])
 
     def _pitch(self, k: NDArray[np.intp], x: Array, shape: StrideShape[Array]) -> Array:
-        """Push-off, swing, landing, and the slow roll of a stance that is passed through."""
+        """Push-off, swing, landing, and the slow roll of a stance that is passed through.
+
+        How each gathers and loses speed is fitted to mean profiles of motion-captured walking.
+        """
         push = _glide(x, shape.push_start, shape.push_end, 0.76, 0.22, PUSH_POWER)
         swing = _glide(x, shape.swing_start, shape.swing_end, 0.45, 0.5)
         back = shape.load_start + shape.load_end - x
@@ -110,7 +113,10 @@ class FootPath:
         return ahead_m, height_m + (off - on) * (free_m - height_m)
 
     def _place(self, k: NDArray[np.intp], x: Array, shape: StrideShape[Array]) -> Array:
-        """The point on the ground that the foot glides over, lifted while it does."""
+        """The point on the ground that the foot glides over, lifted while it does.
+
+        Its speed is what motion capture leaves once the rolling is taken out.
+        """
         duration_s = self.duration_s[k]
         arrest = shape.arrest_s / duration_s
         landed = shape.touch + 0.5 * arrest
