@@ -132,6 +132,14 @@ def test_a_query_gathers_all_answers(connect: Connect) -> None:
     assert asking.query("clew/nobody", timeout_s=5.0) == []
 
 
+def test_two_who_answer_under_one_key_are_both_heard(connect: Connect) -> None:
+    asking, first, second = connect(), connect(), connect()
+    first.answer("clew/state", lambda: b"one")
+    second.answer("clew/state", lambda: b"two")
+    expected = [Received("clew/state", b"one"), Received("clew/state", b"two")]
+    wait_for(lambda: sorted(asking.query("clew/*", timeout_s=5.0)) == expected, "both answers")
+
+
 def test_an_answerer_that_fails_is_no_answer(connect: Connect) -> None:
     asking, answering = connect(), connect()
 
