@@ -38,7 +38,7 @@ def _run_chunk(
     scenario_name: str, settings: IncidentSettings, first_seed: int, count: int
 ) -> list[RunErrors]:
     with tempfile.TemporaryDirectory(prefix="clew-montecarlo-") as folder:
-        rehearse_nodes(scenario_name, first_seed, count, Path(folder))
+        rehearse_nodes(scenario_name, first_seed, count, Path(folder), imu=False)
         return [
             measure(evidence_of(Path(folder) / str(seed), _seeded(settings, seed)))
             for seed in range(first_seed, first_seed + count)

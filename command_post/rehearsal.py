@@ -26,16 +26,18 @@ class RehearsalError(RuntimeError):
     """A node's program failed in rehearsal; the text is what it said."""
 
 
-def rehearse_nodes(scenario_name: str, first_seed: int, count: int, directory: Path) -> None:
+def rehearse_nodes(
+    scenario_name: str, first_seed: int, count: int, directory: Path, *, imu: bool
+) -> None:
     """Let agents and DAPs write their wire logs for ``count`` seeds: ``{seed}/{node}.wire``.
 
-    Raises ``RehearsalError`` when one of the programs fails.
+    ``imu``: raw samples as well. Raises ``RehearsalError`` when one of the programs fails.
     """
     seeds = f"{first_seed}-{first_seed + count - 1}"
-    for module in ("edge_agent", "dap_node"):
+    for module, *options in (("edge_agent", "--imu" if imu else "--no-imu"), ("dap_node",)):
         ended = subprocess.run(  # noqa: S603
             [sys.executable, "-m", module, "rehearse", scenario_name,
-             "--seeds", seeds, "--output", str(directory)],
+             "--seeds", seeds, "--output", str(directory), *options],
             capture_output=True, text=True, check=False,
         )  # fmt: skip
         if ended.returncode != 0:
@@ -49,14 +51,20 @@ def merged_wire_logs(directory: Path) -> Iterator[WireFrame]:
 
 
 def rehearse(
-    scenario_name: str, seed: int, settings: IncidentSettings, path: Path, *, replace: bool = False
+    scenario_name: str,
+    seed: int,
+    settings: IncidentSettings,
+    path: Path,
+    *,
+    imu: bool,
+    replace: bool,
 ) -> None:
     """Run ``scenario_name`` offline and record it, estimates included, at ``path``.
 
     Raises ``RehearsalError``, and ``RecorderError`` where ``path`` cannot be written.
     """
     with tempfile.TemporaryDirectory(prefix="clew-rehearsal-") as folder:
-        rehearse_nodes(scenario_name, seed, 1, Path(folder))
+        rehearse_nodes(scenario_name, seed, 1, Path(folder), imu=imu)
         file = RecordingFile(path, settings.as_metadata(), replace=replace)
         incident = RecordedIncident(Incident(settings), file)
         now_ns = 0

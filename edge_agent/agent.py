@@ -34,12 +34,18 @@ class Agent:
         mount: Mount,
         method: str,
         start: LocalPosition | None,
+        *,
+        sends_imu: bool = True,
     ) -> None:
-        """``start``: where the wearer stands at first; ``None`` if the post is to know."""
+        """``start``: where the wearer stands at first; ``None`` if the post is to know.
+
+        ``sends_imu``: publish the raw samples as well, for the record.
+        """
         self._sender = sender
         self._mount = mount
         self._method = method
         self._start = start
+        self._sends_imu = sends_imu
         self._batch: list[ImuSample] = []
         self._told_sd_rad: float | None = None
         self._moved = False
@@ -59,7 +65,8 @@ class Agent:
             self._send_batch()
 
     def _take_sample(self, sample: ImuSample) -> None:
-        self._record(sample)
+        if self._sends_imu:
+            self._record(sample)
         increment = self._mount.step(sample)
         # The first heading gets better, or doubtful, as long as the wearer stands.
         if not self._moved and self._mount.ready:

@@ -31,6 +31,7 @@ def rehearse(
     *,
     output: Path,
     seed: int = 1,
+    imu: bool = True,
     replace: bool = False,
 ) -> int:
     """Run a scenario offline and record it; the same seed gives the same file to the bit.
@@ -45,6 +46,8 @@ def rehearse(
         Where the recording goes.
     seed
         Of the simulated world and of the fusion.
+    imu
+        Record the raw samples as well.
     replace
         Replace a recording that is there already.
 
@@ -53,7 +56,7 @@ def rehearse(
     settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
     try:
         load_scenario(scenario)
-        rehearse_scenario(scenario, seed, settings, output, replace=replace)
+        rehearse_scenario(scenario, seed, settings, output, imu=imu, replace=replace)
     except (ConfigError, RecorderError) as error:
         _log.error(str(error))
         return ExitCode.USAGE

@@ -17,7 +17,7 @@ from edge_agent.mounts.methods import MethodName, make_mount
 from edge_agent.sources.opening import Reading, open_source
 from edge_agent.sources.recording import SourceError
 from shared.bus.wire_log import WireLogBus
-from shared.bus.zenoh_bus import open_zenoh
+from shared.bus.zenoh_bus import ZenohBus, open_zenoh
 from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
 from shared.config import ConfigError
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
@@ -28,6 +28,7 @@ from shared.simulation.scenario import load_scenario
 from shared.topics import alive_key, check_id
 
 DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
+LINK_POLL_S = 0.05
 WAIT_AHEAD_NS = 10_000_000
 """Samples this close together are taken without a wait between them."""
 
@@ -44,6 +45,7 @@ def run(
     start: tuple[float, float, float] | None = None,
     speed: float = 1.0,
     seed: int = 1,
+    imu: bool = True,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -69,6 +71,8 @@ def run(
         How many times as fast as it was recorded.
     seed
         Of a simulated source.
+    imu
+        Publish the raw samples as well, for the record.
     await_start
         Begin with the exercise, at its speed.
     with_parent
@@ -83,25 +87,32 @@ def run(
             if with_parent:
                 stop_with_parent(stop)
             sender = Sender(bus, incident, "responder", responder_id)
-            agent = Agent(sender, make_mount("boot", method), method, _place(start) or opened.start)
+            agent = Agent(
+                sender,
+                make_mount("boot", method),
+                method,
+                _place(start) or opened.start,
+                sends_imu=imu,
+            )
             bus.answer(sender.key(TrackStart), lambda: agent.start_payload)
             bus.declare_alive(alive_key(incident, "responder", responder_id))
-            clock: Clock = ScaledClock(SystemClock().now_ns(), speed)
-            begin_ns = clock.now_ns()
+            _await_link(bus, stop)
+            begin_ns = SystemClock().now_ns()
             if await_start:
                 exercise = await_exercise(bus, incident, stop)
                 if exercise is None:
                     return ExitCode.OK
-                begin_ns = exercise.event_time_ns
-                clock = ScaledClock(begin_ns, exercise.speed)
-            _follow(agent, opened.beginning_at(begin_ns), clock, stop)
+                begin_ns, speed = exercise.event_time_ns, exercise.speed
+            _follow(agent, opened.beginning_at(begin_ns), ScaledClock(begin_ns, speed), stop)
+            if bus.unsent:
+                _log.warning("messages were lost: there was no link", count=bus.unsent)
     except (SourceError, ConfigError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
 
 
-def rehearse(scenario: str, *, seeds: str = "1", output: Path) -> int:
+def rehearse(scenario: str, *, seeds: str = "1", output: Path, imu: bool = True) -> int:
     """Follow all responders of a scenario offline, and write what they would have published.
 
     Leaves a wire log for each responder, OUTPUT/SEED/RESPONDER.wire. Example: edge-agent rehearse
@@ -115,6 +126,8 @@ def rehearse(scenario: str, *, seeds: str = "1", output: Path) -> int:
         One seed, or the first and the last: 0-9.
     output
         Folder for the logs.
+    imu
+        Publish the raw samples as well, for the record.
 
     """
     try:
@@ -124,24 +137,33 @@ def rehearse(scenario: str, *, seeds: str = "1", output: Path) -> int:
         for seed, responder_id in track(
             jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
         ):
-            _rehearse(scenario, responder_id, seed, output / str(seed))
+            _rehearse(scenario, responder_id, seed, output / str(seed), sends_imu=imu)
     except (ConfigError, SourceError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
 
 
-def _rehearse(scenario: str, responder_id: NodeId, seed: int, folder: Path) -> None:
+def _rehearse(
+    scenario: str, responder_id: NodeId, seed: int, folder: Path, *, sends_imu: bool
+) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     clock = ManualClock(REHEARSAL_START_NS)
     source = open_source(f"simulated:{scenario}", responder_id, seed)
     with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
         sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
-        agent = Agent(sender, make_mount("boot", "linear"), "linear", source.start)
+        mount = make_mount("boot", "linear")
+        agent = Agent(sender, mount, "linear", source.start, sends_imu=sends_imu)
         for reading in source.beginning_at(REHEARSAL_START_NS):
             clock.set_ns(reading.time_ns)
             agent.take(reading)
         agent.finish()
+
+
+def _await_link(bus: ZenohBus, stop: Event) -> None:
+    """Wait for the first link: a recording that is played to nobody is lost."""
+    while not bus.connected() and not stop.wait(LINK_POLL_S):
+        pass
 
 
 def _follow(agent: Agent, readings: Iterator[Reading], clock: Clock, stop: Event) -> None:

@@ -20,7 +20,7 @@ from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode
 from tests.waiting import wait_for
 
-SHORT = Path(__file__).parent.parent / "scenarios" / "short.toml"
+CORRIDOR = "corridor"
 DEMO_DEADLINE_S = 120.0
 
 
@@ -32,7 +32,7 @@ def demo_arguments(output: Path, scenario: str, speed: float) -> list[str]:
 @contextmanager
 def running_demo(output: Path, speed: float) -> Iterator[subprocess.Popen[bytes]]:
     process = subprocess.Popen(
-        demo_arguments(output, str(SHORT), speed),
+        demo_arguments(output, CORRIDOR, speed),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
@@ -71,7 +71,7 @@ def alive(pid: int) -> bool:
 def begun(output: Path) -> bool:
     """Say whether the recording has begun to hold estimates."""
     try:
-        recording = read_recording(output / "short.mcap.part")
+        recording = read_recording(output / "corridor.mcap.part")
         return any(message.key.endswith("/track") for message in recording)
     except RecordingError:
         return False
@@ -112,7 +112,7 @@ def test_stopped_midway_it_leaves_a_recording_and_no_process(
         process.send_signal(number)
         assert process.wait(20.0) == ExitCode.INTERRUPTED
     assert not any(map(alive, children.values()))
-    recording = read_recording(tmp_path / "short.mcap")
+    recording = read_recording(tmp_path / "corridor.mcap")
     assert list(recording)
     assert recording.report.complete
 
@@ -125,7 +125,7 @@ def test_killed_it_takes_its_nodes_along(tmp_path: Path) -> None:
         process.kill()
         for name, pid in children.items():
             wait_for(lambda pid=pid: not alive(pid), f"the end of {name}")  # type: ignore[misc]
-    assert list(read_recording(tmp_path / "short.mcap"))
+    assert list(read_recording(tmp_path / "corridor.mcap"))
 
 
 @linux
@@ -137,7 +137,7 @@ def test_it_goes_on_without_a_responder_who_was_killed(tmp_path: Path) -> None:
     assert process.returncode == ExitCode.OK, err.decode()
     assert b"r1 ended with exit code -9" in err
     assert json.loads(out)["responders"]["r2"]["live"] is not None
-    assert "r1" in read_evidence(tmp_path / "short.mcap").tracks("live")
+    assert "r1" in read_evidence(tmp_path / "corridor.mcap").tracks("live")
 
 
 @linux
@@ -150,7 +150,7 @@ def test_without_its_post_it_gives_up_and_says_where_to_look(tmp_path: Path) -> 
     assert process.returncode == ExitCode.FAILURE
     assert b"post ended with exit code -9; its log: " in err
     assert not any(map(alive, children.values()))
-    assert list(read_recording(tmp_path / "short.mcap.part"))
+    assert list(read_recording(tmp_path / "corridor.mcap.part"))
 
 
 def test_a_scenario_that_is_not_there_is_said(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -19,7 +18,7 @@ from shared.codec import Refusal, decode, parse_key
 from shared.messages import ImuBatch, ImuSample, Message, OdometryIncrement, TrackStart, Truth
 from shared.sender import Sender
 
-SHORT = Path(__file__).parent.parent / "scenarios" / "short.toml"
+CORRIDOR = "corridor"
 
 
 @pytest.fixture
@@ -45,8 +44,8 @@ def messages(heard: list[Received]) -> Iterator[Message]:
 
 
 def walk(agent: Agent) -> list[ImuSample]:
-    """Let ``agent`` follow r1 of the short scenario; return the samples it was given."""
-    readings = list(open_source(f"simulated:{SHORT}", "r1", 3).beginning_at(10**18))
+    """Let ``agent`` follow r1 of the corridor scenario; return the samples it was given."""
+    readings = list(open_source(f"simulated:{CORRIDOR}", "r1", 3).beginning_at(10**18))
     for reading in readings:
         agent.take(reading)
     agent.finish()
@@ -103,7 +102,7 @@ def test_a_heading_found_late_starts_the_track_anew(agent: Agent, heard: list[Re
 
 
 def test_a_simulated_source_has_the_truth_and_the_start() -> None:
-    source = open_source(f"simulated:{SHORT}", "r2", 0)
+    source = open_source(f"simulated:{CORRIDOR}", "r2", 0)
     readings = list(source.beginning_at(5 * 10**9))
     times = [reading.time_ns for reading in readings]
     assert times == sorted(times)
@@ -123,7 +122,7 @@ def test_a_simulated_source_has_the_truth_and_the_start() -> None:
         ("csv:/nowhere/walk.csv", "/nowhere/walk.csv"),
         ("npz:/nowhere/walk.npz", "/nowhere/walk.npz"),
         ("mcap:/nowhere/walk.mcap", "/nowhere/walk.mcap"),
-        (f"simulated:{SHORT}", "no responder 'r9'; there are r1, r2"),
+        (f"simulated:{CORRIDOR}", "no responder 'r9'; there are r1, r2"),
     ],
 )
 def test_a_source_that_cannot_be_opened_is_said(name: str, complaint: str) -> None:
