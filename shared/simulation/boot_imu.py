@@ -14,8 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.clock import NS_PER_S
-from shared.messages import ImuSample, NodeId
+from shared.messages import NS_PER_S, ImuSample, NodeId
 from shared.simulation.chance import generator
 from shared.simulation.foot_path import FootPath
 from shared.simulation.gaits import StrideShape
@@ -23,6 +22,7 @@ from shared.simulation.imu_errors import Sensor, draw_sensor, ringing
 from shared.simulation.magnetic import MagneticField
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import Walk, simulate_walk
+from shared.units import NS_PER_S
 
 Array: TypeAlias = NDArray[np.float64]
 
