@@ -10,7 +10,6 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.clock import NS_PER_S
 from shared.messages import (
     DapEstimate,
     DapInstallation,
@@ -22,6 +21,7 @@ from shared.messages import (
     Truth,
 )
 from shared.topics import Key
+from shared.units import NS_PER_S
 
 Floats: TypeAlias = NDArray[np.float64]
 

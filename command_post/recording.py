@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol, Self
 import structlog
 
 from command_post.recording_file import RecordingFile
-from shared.clock import NS_PER_S
+from shared.units import NS_PER_S
 
 QUEUE_MESSAGES = 100_000
 QUEUE_BYTES = 1 << 26

@@ -12,9 +12,9 @@ from command_post.confidence import radii95_m
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from command_post.incident import Incident
-from shared.clock import NS_PER_S
 from shared.messages import LocalPosition
 from shared.topics import Role
+from shared.units import NS_PER_S
 
 ResponderStatus: TypeAlias = Literal["tracking", "dead_reckoning", "lost", "no_track"]
 DapStatus: TypeAlias = Literal["installed", "not_installed", "lost"]

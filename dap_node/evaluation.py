@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
 from dap_node.scanners.observation import Observation, Scan
 from dap_node.scanners.simulated import SimulatedScanner
-from shared.messages import NS_PER_S, NodeId
+from shared.messages import NodeId
 from shared.simulation.installation import installation_truth
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
+from shared.units import NS_PER_S
 
 Array: TypeAlias = NDArray[np.float64]
 

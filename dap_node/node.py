@@ -17,7 +17,6 @@ from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
-    NS_PER_S,
     DapEstimate,
     DapInstallation,
     NodeId,
@@ -28,6 +27,7 @@ from shared.messages import (
 )
 from shared.sender import Sender
 from shared.topics import Key, alive_key
+from shared.units import NS_PER_S
 
 INBOX_MESSAGES = 256
 TRUTH_PERIOD_NS = 10 * NS_PER_S
@@ -109,7 +109,8 @@ class DapNode:
         installation = self._standing.learn(estimate)
         if installation is not None:
             self._say_place(installation)
-            _log.info("placed", position=installation.position)
+            place = estimate.position
+            _log.info("placed", north_m=round(place.north_m, 2), east_m=round(place.east_m, 2))
 
     def _refuse(self, key: str, refusal: Refusal) -> None:
         self.refusals[refusal.reason] += 1

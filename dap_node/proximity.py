@@ -19,7 +19,8 @@ from typing import Annotated, Literal, NamedTuple, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from shared.messages import NS_PER_S, NodeId
+from shared.messages import NodeId
+from shared.units import NS_PER_S
 
 Dbm: TypeAlias = Annotated[float, Meta(ge=-200.0, le=100.0)]
 Variance: TypeAlias = Annotated[float, Meta(gt=0.0, le=1e4)]

@@ -5,9 +5,7 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from shared.messages import NS_PER_S
-
-__all__ = ["NS_PER_S", "Clock", "ManualClock", "ScaledClock", "SystemClock"]
+from shared.units import NS_PER_S
 
 
 class Clock(Protocol):

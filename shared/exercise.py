@@ -7,10 +7,10 @@ from threading import Event
 
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
-from shared.clock import NS_PER_S
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import ExerciseStart, NodeId
 from shared.topics import Key
+from shared.units import NS_PER_S
 
 REHEARSAL_START_NS = 1_767_225_600 * NS_PER_S
 """When every rehearsal begins, so that it comes out the same each time: 2026-01-01 00:00 UTC."""

@@ -17,8 +17,6 @@ from msgspec import Meta
 NodeId: TypeAlias = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 """Names a responder, a DAP, a post or an incident; also a chunk of a key."""
 
-NS_PER_S = 1_000_000_000
-
 TimeNs: TypeAlias = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 """Nanoseconds since 1970-01-01 UTC on the clock of the node that says so."""
 

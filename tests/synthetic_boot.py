@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from shared.clock import NS_PER_S
 from shared.maths.rotations import (
     Vector3,
     about_down,
@@ -21,6 +20,7 @@ from shared.maths.rotations import (
     rotate,
 )
 from shared.messages import ImuSample
+from shared.units import NS_PER_S
 
 GRAVITY_M_S2 = 9.81
 

@@ -14,9 +14,9 @@ from typing import Annotated, NamedTuple
 import msgspec
 from msgspec import Meta
 
-from shared.clock import NS_PER_S
 from shared.messages import Message
 from shared.topics import Key
+from shared.units import NS_PER_S
 
 REMEMBERED_PER_KEY = 512
 

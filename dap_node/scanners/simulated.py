@@ -7,10 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from dap_node.scanners.observation import Observation, Scan, SetDown
-from shared.messages import NS_PER_S, LocalPosition, NodeId
+from shared.messages import LocalPosition, NodeId
 from shared.simulation.installation import installation_truth
 from shared.simulation.radio import simulate_scans
 from shared.simulation.scenario import Scenario
+from shared.units import NS_PER_S
 
 SURVEYED_SD_M = 0.1
 """How well a DAP that stands at a known place is placed there."""

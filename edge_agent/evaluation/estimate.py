@@ -9,7 +9,7 @@ import numpy as np
 
 from edge_agent.evaluation.truth import Array
 from edge_agent.mounts.interface import Increment
-from shared.clock import NS_PER_S
+from shared.units import NS_PER_S
 
 
 @dataclass(frozen=True)

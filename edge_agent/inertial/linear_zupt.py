@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from shared.clock import NS_PER_S
 from shared.maths.rotations import Vector3
+from shared.units import NS_PER_S
 
 
 class PathPoint(NamedTuple):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from enum import Enum, auto
 
 from edge_agent.mounts.interface import Faults
-from shared.clock import NS_PER_S
 from shared.messages import ImuSample
+from shared.units import NS_PER_S
 
 LARGEST_READING = 1e5
 """In SI units: no sensor reads more (the bound of the wire as well)."""

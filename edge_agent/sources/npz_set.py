@@ -17,7 +17,7 @@ from edge_agent.sources.recording import (
     Recording,
     SourceError,
 )
-from shared.clock import NS_PER_S
+from shared.units import NS_PER_S
 
 _NEEDED = ("t_s", "acc_m_s2", "gyr_rad_s")
 _NED_FROM_Z_UP = np.array([1.0, -1.0, -1.0])

@@ -15,12 +15,12 @@ from edge_agent.sources.mcap_recording import read_imu_samples
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.vendor_csv import read_vendor_csv
-from shared.clock import NS_PER_S
 from shared.mcap_reader import RecordingError
 from shared.messages import ImuSample, LocalPosition, NodeId
 from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.scenario import load_scenario
 from shared.simulation.walker import simulate_walk
+from shared.units import NS_PER_S
 
 TRUTH_RATE_HZ = 10.0
 START_SD_M = 0.5

@@ -24,7 +24,7 @@ from edge_agent.sources.recording import (
     SourceError,
 )
 from edge_agent.sources.time_stamps import repaired
-from shared.clock import NS_PER_S
+from shared.units import NS_PER_S
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 FASTEST_BOOT_RAD_S = 40.0

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.messages import NS_PER_S, ImuSample, NodeId
+from shared.messages import ImuSample, NodeId
 from shared.simulation.chance import generator
 from shared.simulation.foot_path import FootPath
 from shared.simulation.gaits import StrideShape

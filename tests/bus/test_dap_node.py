@@ -13,7 +13,7 @@ from dap_node.node import DapNode
 from dap_node.scanners.observation import Scan, SetDown
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryBus, MemoryNetwork
-from shared.clock import NS_PER_S, ManualClock
+from shared.clock import ManualClock
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
     DapEstimate,
@@ -25,6 +25,7 @@ from shared.messages import (
     Truth,
 )
 from shared.topics import alive_key, everything_of
+from shared.units import NS_PER_S
 
 START_NS = 1_700_000_000 * NS_PER_S
 PLACE = LocalPosition(north_m=5.0, east_m=20.0, down_m=0.0, covariance_m2=(0.5, 0.1, 0.4))

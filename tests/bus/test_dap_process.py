@@ -10,12 +10,12 @@ from contextlib import contextmanager
 
 from shared.bus.interface import Received
 from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import NS_PER_S
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import ExerciseStart, Message, ProximityEvent
 from shared.simulation.installation import installation_truth
 from shared.simulation.scenario import load_scenario
 from shared.topics import alive_key, everything_of
+from shared.units import NS_PER_S
 from tests.bus.test_zenoh import free_endpoint
 from tests.waiting import DEADLINE_S, wait_for
 

@@ -24,9 +24,9 @@ from edge_agent.mounts.methods import make_mount
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.trials import Trial, find_trials
 from edge_agent.sources.vendor_csv import read_vendor_csv
-from shared.clock import NS_PER_S
 from shared.maths.statistics import Summary
 from shared.messages import ImuSample
+from shared.units import NS_PER_S
 
 
 class Followed(NamedTuple):

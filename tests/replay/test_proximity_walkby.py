@@ -14,7 +14,7 @@ import pytest
 from dap_node.evaluation import detect
 from dap_node.proximity import ProximitySettings
 from dap_node.scanners.observation import Scan
-from shared.clock import NS_PER_S
+from shared.units import NS_PER_S
 
 BEACON = ProximitySettings(
     window_s=2.5,

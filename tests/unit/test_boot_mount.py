@@ -14,8 +14,8 @@ from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD
 from edge_agent.mounts.boot import BootMount, BootSettings
 from edge_agent.mounts.intake import RESTART_AFTER
 from edge_agent.mounts.interface import Increment
-from shared.clock import NS_PER_S
 from shared.messages import ImuSample
+from shared.units import NS_PER_S
 from tests.synthetic_boot import SyntheticWalk
 
 

@@ -22,8 +22,8 @@ from edge_agent.evaluation.score_card import score_card, score_trial, set_of
 from edge_agent.evaluation.truth import Array, Truth, truth_of_path, truth_of_stances
 from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.mounts.interface import Increment
-from shared.clock import NS_PER_S
 from shared.maths.statistics import Summary
+from shared.units import NS_PER_S
 
 STRIDE_S, SWING_S, LATE_S = 1.0, 0.6, 0.2
 """Stances are at full seconds; the swing begins ``LATE_S`` after, and ends as long before."""

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edge_agent.inertial.linear_zupt import Stride, Swing
-from shared.clock import NS_PER_S
 from shared.maths.rotations import Vector3
+from shared.units import NS_PER_S
 
 GRAVITY_M_S2 = 9.81
 SWING_S = 0.8

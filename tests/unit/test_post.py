@@ -15,11 +15,12 @@ from command_post.recording import Recorder
 from command_post.roster import Roster
 from shared.bus.interface import Bus, Received
 from shared.bus.memory import MemoryNetwork
-from shared.clock import NS_PER_S, ManualClock, SystemClock
+from shared.clock import ManualClock, SystemClock
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.mcap_reader import read_recording
 from shared.messages import ExerciseStart, OdometryIncrement, TrackEstimate, TrackStart
 from shared.topics import Key, alive_key
+from shared.units import NS_PER_S
 from tests.waiting import wait_for
 
 START_NS = 1_700_000_000 * NS_PER_S

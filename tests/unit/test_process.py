@@ -13,8 +13,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from shared.clock import NS_PER_S, ManualClock, ScaledClock, SystemClock
+from shared.clock import ManualClock, ScaledClock, SystemClock
 from shared.process import ExitCode, stop_with_parent, wait_until
+from shared.units import NS_PER_S
 from tests.waiting import DEADLINE_S, wait_for
 
 OBEDIENT = """

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings, sum_up
-from shared.clock import NS_PER_S
 from shared.config import ConfigError, parse_toml
+from shared.units import NS_PER_S
 
 PERIOD_S = 0.2
 NEAR_DBM, FAR_DBM, BETWEEN_DBM = -40.0, -70.0, -50.0

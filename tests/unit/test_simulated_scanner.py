@@ -8,10 +8,10 @@ import pytest
 from dap_node.proximity import ProximitySettings
 from dap_node.scanners.observation import Scan, SetDown
 from dap_node.scanners.simulated import EMPTY_SCANS_S, SimulatedScanner
-from shared.clock import NS_PER_S
 from shared.simulation.installation import installation_truth
 from shared.simulation.radio import RadioChannel
 from shared.simulation.scenario import Scenario, load_scenario
+from shared.units import NS_PER_S
 
 SEED = 3
 START_NS = 1_700_000_000 * NS_PER_S
