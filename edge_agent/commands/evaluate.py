@@ -130,4 +130,4 @@ def _follow(
         if number % SAMPLES_A_TICK == 0:
             progress.update(task, completed=number)
     progress.remove_task(task)
-    return increments
+    return increments + worn.finish()

@@ -16,8 +16,8 @@ from edge_agent.evaluation.estimate import EstimatedPath
 from edge_agent.evaluation.truth import Array, Truth
 
 FEWEST_STRIDES = 5
-STANCE_TOLERANCE_S = 0.1
-"""A true stance counts as found when a detected one is no further from its instant."""
+STANCE_TOLERANCE_S = 0.2
+"""A true stance is found when a detected one is no further from its instant; swings last longer."""
 
 CLEAR_STRIDE_M = 0.3
 """Shorter strides have no clear direction, and no clear swing."""

@@ -101,7 +101,9 @@ def score_trial(
 def _errors(set_name: str, path: EstimatedPath, truth: Truth) -> dict[str, float | None]:
     vertical = vertical_errors(path, truth)
     errors = {} if vertical is None else vertical._asdict()
-    if not set_name.endswith(f"/{IN_PLACE}"):
+    if set_name.endswith(f"/{IN_PLACE}"):
+        errors.pop("distance_3d_error_pct", None)
+    else:
         errors |= stance_errors(path, truth)._asdict()
     return {metric: value if math.isfinite(value) else None for metric, value in errors.items()}
 

@@ -10,13 +10,11 @@ stance detection. A sample is of a stance when
 4. *minimum length*: a stance of 0.1 s or less is a false one inside a swing, and is dropped.
 
 The paper counts samples at 100 Hz; here windows are in seconds, so that any rate from 50 to
-1000 Hz gives the same stances. It leaves open three things. *Where the window lies*: it is
-centred, for then a stance is cut alike at either end. *The EPS thresholds*: see
-``StanceSettings``. *Where a stance ends*: dropping stances of 0.1 s or less is done by keeping
-the samples all of whose neighbours within 0.05 s meet the other conditions, which drops the same
-stances and takes 0.05 s off either end of the others. That is a departure: at the edges the boot
-already rolls at up to 0.6 rad/s, so its speed is not the zero that the swing is closed on, and
-strides came out 1 % shorter with the edges left on.
+1000 Hz gives the same stances. It leaves three things open. *Where the window lies*: it is centred,
+for then a stance is cut alike at either end. *The EPS thresholds*: see ``StanceSettings``. *When in
+a stance a swing starts and ends*: at the quietest moment, by gyro level, within 0.15 s of the
+stance's edge. At the very edges the boot already rolls at up to 0.6 rad/s, so its speed is not the
+zero that the swing is closed on; bounded there, walking came out 2.5 % short, so it is 1.1 %.
 """
 
 from __future__ import annotations
@@ -25,8 +23,8 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from shared.clock import NS_PER_S
 from shared.messages import ImuSample
+from shared.units import NS_PER_S
 
 _STEPS_PER_UNIT = 1 << 20
 """Resolution of the windows' integers: a millionth, far below any sensor's noise."""
@@ -49,13 +47,16 @@ class StanceSettings(NamedTuple):
     gyro_variance_rad2_s2: float = 0.2
     window_s: float = 0.15
     minimum_s: float = 0.1
+    edge_s: float = 0.15
+    """How far inside a stance its quietest moment is looked for; not below ``minimum_s``."""
+
     gap_s: float = 0.05
     """Samples further apart than this say nothing about what lies between: no stance there."""
 
     @property
     def delay_s(self) -> float:
-        """How long after a sample it is decided upon: half the window and half the minimum."""
-        return (self.window_s + self.minimum_s) / 2.0
+        """How long after a sample it is decided upon: half the window, and an edge."""
+        return self.window_s / 2.0 + self.edge_s
 
 
 class Decision(NamedTuple):
@@ -97,50 +98,80 @@ class RunningVariance:
         return spread / (count * _STEPS_PER_UNIT) ** 2
 
 
+class _Stretch:
+    """Samples running that meet the conditions 1 to 3, and the quietest at either end of them."""
+
+    def __init__(self, start_ns: int) -> None:
+        self.start_ns = start_ns
+        self.begin_ns = start_ns
+        self.begin_level_rad_s = math.inf
+        self.end_ns: int | None = None
+        """The quietest moment at the end; ``None`` while it lasts."""
+
+        self.too_short = False
+
+    def holds(self, time_ns: int) -> bool:
+        """Whether the boot stands at ``time_ns``, which is known an edge later."""
+        if self.too_short or time_ns < self.begin_ns:
+            return False
+        return self.end_ns is None or time_ns <= self.end_ns
+
+
+class _Weighed(NamedTuple):
+    """A sample, its gyro level, and the stretch it is of, if it meets the conditions."""
+
+    sample: ImuSample
+    level_rad_s: float
+    stretch: _Stretch | None
+
+
 class StanceDetector:
-    """Decides on every sample in turn, ``settings.delay_s`` after it (and up to a sample more)."""
+    """Decides on every sample in turn, ``settings.delay_s`` after it (and up to two samples more).
+
+    A stance is told from the quietest moment of its beginning to that of its end.
+    """
 
     def __init__(self, settings: StanceSettings | None = None) -> None:
         self._settings = settings or StanceSettings()
         self._window_ns = round(self._settings.window_s * NS_PER_S)
-        self._margin_ns = round(self._settings.minimum_s * NS_PER_S) // 2
+        self._minimum_ns = round(self._settings.minimum_s * NS_PER_S)
+        self._edge_ns = round(self._settings.edge_s * NS_PER_S)
         self._gap_ns = round(self._settings.gap_s * NS_PER_S)
         self._times_ns: deque[int] = deque()
         self._energy = RunningVariance()
         self._product = RunningVariance()
         self._sum = RunningVariance()
         self._gyro = RunningVariance()
-        self._unweighed: deque[tuple[ImuSample, bool]] = deque()
-        self._undecided: deque[ImuSample] = deque()
         self._whole_from_ns = 0
-        self._moved_ns = 0
+        self._waiting: deque[tuple[ImuSample, float]] = deque()
+        self._stretch: _Stretch | None = None
+        self._weighed: deque[_Weighed] = deque()
 
     def step(self, sample: ImuSample) -> list[Decision]:
         """Take in the next sample (later than the last); return those now decided, in order."""
         now_ns = sample.time_ns
-        if not self._times_ns:
-            self._moved_ns = now_ns
         if not self._times_ns or now_ns - self._times_ns[-1] > self._gap_ns:
             self._whole_from_ns = now_ns + self._window_ns
         level_rad_s = self._push(sample)
-        self._unweighed.append((sample, level_rad_s <= self._settings.gyro_level_rad_s))
+        self._waiting.append((sample, level_rad_s))
         quiet = now_ns >= self._whole_from_ns and self._is_quiet()
         decisions: list[Decision] = []
         centre_ns = now_ns - self._window_ns // 2
-        while self._unweighed[0][0].time_ns <= centre_ns:
-            weighed, level = self._unweighed.popleft()
-            self._undecided.append(weighed)
-            if not (level and quiet):
-                self._moved_ns = weighed.time_ns
-            self._decide(weighed.time_ns - self._margin_ns, decisions)
+        while self._waiting[0][0].time_ns <= centre_ns:
+            weighed, its_level_rad_s = self._waiting.popleft()
+            self._weigh(weighed, its_level_rad_s, quiet=quiet)
+            # An edge later, all that a decision depends on is known.
+            self._decide(weighed.time_ns - self._edge_ns, decisions)
         return decisions
 
-    def _decide(self, until_ns: int, decisions: list[Decision]) -> None:
-        """Decide on the samples up to ``until_ns``: all that matters to them has been weighed."""
-        while self._undecided and self._undecided[0].time_ns <= until_ns:
-            sample = self._undecided.popleft()
-            stood = self._moved_ns < sample.time_ns - self._margin_ns
-            decisions.append(Decision(sample, stood))
+    def finish(self) -> list[Decision]:
+        """Decide on the rest of a recording, but for its last half window; no more may follow."""
+        decisions: list[Decision] = []
+        if self._weighed:
+            if self._stretch is not None:
+                self._close(self._stretch)
+            self._decide(self._weighed[-1].sample.time_ns, decisions)
+        return decisions
 
     def _push(self, sample: ImuSample) -> float:
         """Slide the window on to ``sample``; return its gyro level, rad/s."""
@@ -170,3 +201,34 @@ class StanceDetector:
             and self._sum.variance() < settings.sum_variance_m2_s4
             and self._gyro.variance() <= settings.gyro_variance_rad2_s2
         )
+
+    def _weigh(self, sample: ImuSample, level_rad_s: float, *, quiet: bool) -> None:
+        """Put a sample into its stretch, by the window around it and condition 2."""
+        stretch = self._stretch
+        if quiet and level_rad_s <= self._settings.gyro_level_rad_s:
+            if stretch is None:
+                stretch = self._stretch = _Stretch(sample.time_ns)
+            near = sample.time_ns - stretch.start_ns <= self._edge_ns
+            if near and level_rad_s < stretch.begin_level_rad_s:
+                stretch.begin_ns, stretch.begin_level_rad_s = sample.time_ns, level_rad_s
+        elif stretch is not None:
+            self._close(stretch)
+            stretch = self._stretch = None
+        self._weighed.append(_Weighed(sample, level_rad_s, stretch))
+
+    def _close(self, stretch: _Stretch) -> None:
+        """Apply condition 4, and find the quietest moment of the end."""
+        last_ns = self._weighed[-1].sample.time_ns
+        stretch.too_short = last_ns - stretch.start_ns < self._minimum_ns
+        quietest_rad_s = math.inf
+        for sample, level_rad_s, of in reversed(self._weighed):
+            if of is not stretch or sample.time_ns < last_ns - self._edge_ns:
+                break
+            if level_rad_s < quietest_rad_s:
+                stretch.end_ns, quietest_rad_s = sample.time_ns, level_rad_s
+
+    def _decide(self, until_ns: int, decisions: list[Decision]) -> None:
+        while self._weighed and self._weighed[0].sample.time_ns <= until_ns:
+            sample, _, stretch = self._weighed.popleft()
+            stood = stretch is not None and stretch.holds(sample.time_ns)
+            decisions.append(Decision(sample, stood))

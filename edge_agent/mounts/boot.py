@@ -1,7 +1,7 @@
 """The sensor on a boot: an increment a stride, by linear calibration at zero velocity.
 
-A stride is told ``StanceSettings.delay_s`` (0.125 s) after the boot has stood. Standing still
-tells nothing: there is no increment until the boot has moved, and what turned meanwhile is in the
+A stride is told ``StanceSettings.delay_s`` (0.225 s) after it has ended. Standing still tells
+nothing: there is no increment until the boot has moved, and what turned meanwhile is in the
 next one's heading change.
 
 The sensor is worn x forward, y right, z down. Worn upside down, strides are the same and headings
@@ -26,10 +26,10 @@ from edge_agent.inertial.stride_error import (
 )
 from edge_agent.mounts.intake import Intake, Verdict
 from edge_agent.mounts.interface import Faults, Increment
-from shared.clock import NS_PER_S
 from shared.maths.angles import wrap_rad
 from shared.maths.rotations import heading_of, rotate
 from shared.messages import ImuSample
+from shared.units import NS_PER_S
 
 
 class BootSettings(NamedTuple):
@@ -95,9 +95,16 @@ class BootMount:
         if verdict is Verdict.RESTART:
             self._restart(sample.time_ns)
         if verdict is not Verdict.PASS:
-            for decision in self._detector.step(sample):
-                self._follow(decision.sample, stance=decision.stance)
+            for decided, stance in self._detector.step(sample):
+                self._follow(decided, stance=stance)
         return self._done.popleft() if self._done else None
+
+    def finish(self) -> list[Increment]:
+        """Return the movements that were still being waited for: no more samples will come."""
+        for decided, stance in self._detector.finish():
+            self._follow(decided, stance=stance)
+        done, self._done = list(self._done), deque()
+        return done
 
     def _restart(self, time_ns: int) -> None:
         """Begin a new time line; attitude is kept, but what happened in between is not known."""

@@ -63,3 +63,6 @@ class Mount(Protocol):
         Never raises: a sample that is not finite, or not later than the last, is counted in
         ``faults`` and passed over.
         """
+
+    def finish(self) -> list[Increment]:
+        """Return the movements that were still being waited for: no more samples will come."""

@@ -52,6 +52,17 @@ def test_a_stride_is_told_within_the_delay_of_its_end() -> None:
             assert lag_s <= BootSettings().stance.delay_s + 0.02
 
 
+def test_the_last_stride_of_a_recording_is_told_at_its_end() -> None:
+    walk = SyntheticWalk()
+    mount = BootMount()
+    end_ns = round((walk.stance_times_s[-1] + 0.05) * NS_PER_S)
+    cut = [sample for sample in walk.samples(100.0) if sample.time_ns < end_ns]
+    assert len(follow(mount, cut)) == walk.strides - 1
+    (last,) = mount.finish()
+    assert last.displacement_m == pytest.approx((1.2, 0.0, 0.0), abs=0.01)
+    assert mount.finish() == []
+
+
 def test_increments_follow_one_another_and_their_paths_lead_through_them() -> None:
     increments = follow(BootMount(), SyntheticWalk().samples(200.0))
     for before, after in itertools.pairwise(increments):

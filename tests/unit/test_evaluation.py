@@ -261,7 +261,7 @@ def test_on_the_spot_only_height_is_scored() -> None:
     row = score_trial("shuffle", "foot_vicon", walk(shuffle), truth(shuffle))
     assert row.set == "foot_vicon/in_place"
     assert row.vertical_end_error_m == pytest.approx(0.0)
-    assert row.distance_error_pct is None
+    assert (row.distance_error_pct, row.distance_3d_error_pct) == (None, None)
 
 
 def test_without_truth_a_trial_is_scored_by_its_closure() -> None:

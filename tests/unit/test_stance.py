@@ -53,7 +53,7 @@ def between(time_s: float, start_s: float, end_s: float) -> bool:
 
 
 def test_a_boot_that_stands_is_a_stance_once_there_is_a_window_of_it() -> None:
-    assert stances_s(Signal()) == [pytest.approx((0.08, 1.92), abs=0.02)]
+    assert stances_s(Signal()) == [pytest.approx((0.08, 1.775), abs=0.02)]
 
 
 def test_a_decision_comes_after_the_stated_delay() -> None:
