@@ -38,12 +38,16 @@ class Radii(msgspec.Struct, frozen=True):
 class MethodScore(msgspec.Struct, frozen=True, kw_only=True):
     """One way of tracking, scored. ``None`` where there is nothing to score.
 
+    ``team`` and ``pair`` (between responders) are taken after the one rotation of the whole team
+    that fits the truth best, for nothing that is heard inside tells which way the map is turned;
+    ``abs`` and ``pair_unturned`` are taken as it stands.
     ``end_m`` is the median responder's absolute error at the last truth, ``vertical_m`` the median
     absolute error in height.
     """
 
     absolute: Radii | None = msgspec.field(name="abs")
     pair: Radii | None
+    pair_unturned: Radii | None
     team: Radii | None
     end_m: float | None
     vertical_m: float | None
@@ -88,6 +92,7 @@ class PooledMethod(msgspec.Struct, frozen=True, kw_only=True):
     absolute: Radii | None = msgspec.field(name="abs")
     team: Radii | None
     pair: Radii | None
+    pair_unturned: Radii | None
     fail_pct: float | None
 
 
@@ -127,10 +132,14 @@ class TrackErrors(NamedTuple):
 
 
 class MethodErrors(NamedTuple):
-    """One way of tracking: each responder's errors by id, and all pairs' (p,) in metres."""
+    """One way of tracking: each responder's errors by id, and all pairs' (p,) in metres.
+
+    ``pair_m`` is taken after the team's one rotation, ``pair_unturned_m`` without it.
+    """
 
     responders: dict[str, TrackErrors]
     pair_m: Floats
+    pair_unturned_m: Floats
 
 
 class RunErrors(NamedTuple):
@@ -193,7 +202,8 @@ def _method_errors(evidence: Evidence, method: Method, pivot_m: Floats) -> Metho
             responder_id: _track_errors(both, turn_rad, pivot_m)
             for responder_id, both in compared.items()
         },
-        _pair_errors(compared),
+        _pair_errors(compared, turn_rad),
+        _pair_errors(compared, 0.0),
     )
 
 
@@ -219,9 +229,7 @@ def _compare(track: Track, truth: Track | None) -> _Compared | None:
 
 def _track_errors(both: _Compared, turn_rad: float, pivot_m: Floats) -> TrackErrors:
     error_m = both.track_m - both.truth_m
-    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
-    north, east = (both.track_m[:, :2] - pivot_m).T
-    turned_m = np.stack([cosine * north - sine * east, sine * north + cosine * east], axis=1)
+    turned_m = _turned(both.track_m[:, :2] - pivot_m, turn_rad)
     return TrackErrors(
         absolute_m=_lengths(error_m),
         team_m=_lengths(turned_m + pivot_m - both.truth_m[:, :2]),
@@ -245,14 +253,24 @@ def _team_rotation_rad(compared: Iterable[_Compared], pivot_m: Floats) -> float:
     return math.atan2(total.imag, total.real)
 
 
-def _pair_errors(compared: Mapping[str, _Compared]) -> Floats:
-    """Return the errors (p,) of the vector between any two responders while both are scored."""
+def _turned(vectors_m: Floats, turn_rad: float) -> Floats:
+    """Return the horizontal parts (n, 2) of (n, ≥2), turned clockwise by ``turn_rad``."""
+    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
+    north, east = vectors_m[:, 0], vectors_m[:, 1]
+    return np.stack([cosine * north - sine * east, sine * north + cosine * east], axis=1)
+
+
+def _pair_errors(compared: Mapping[str, _Compared], turn_rad: float) -> Floats:
+    """Return the errors (p,) of the vector between any two responders while both are scored.
+
+    The tracks are first turned by ``turn_rad``.
+    """
     errors = [np.empty(0)]
     for one, other in combinations(compared.values(), 2):
         _, at_one, at_other = np.intersect1d(one.time_s, other.time_s, return_indices=True)
         apart_m = one.track_m[at_one] - other.track_m[at_other]
         truly_apart_m = one.truth_m[at_one] - other.truth_m[at_other]
-        errors.append(_lengths(apart_m - truly_apart_m))
+        errors.append(_lengths(_turned(apart_m, turn_rad) - truly_apart_m[:, :2]))
     return np.concatenate(errors)
 
 
@@ -272,6 +290,7 @@ def _method_score(errors: MethodErrors) -> MethodScore:
     return MethodScore(
         absolute=_radii(track.absolute_m for track in tracks),
         pair=_radii([errors.pair_m]),
+        pair_unturned=_radii([errors.pair_unturned_m]),
         team=_radii(track.team_m for track in tracks),
         end_m=float(np.median([track.end_m for track in tracks])) if tracks else None,
         vertical_m=float(np.median(np.concatenate([track.vertical_m for track in tracks])))
@@ -305,6 +324,7 @@ def _scenario_score(runs: Sequence[RunErrors]) -> ScenarioScore:
             absolute=live.absolute,
             team=live.team,
             pair=live.pair,
+            pair_unturned=live.pair_unturned,
             fail_pct=live.fail_pct,
             dap=_radii([list(run.dap_m.values()) for run in runs]),
             coverage95_pct=_coverage_pct(
@@ -322,5 +342,6 @@ def _pooled(runs: Sequence[MethodErrors]) -> PooledMethod:
         absolute=_radii(track.absolute_m for track in tracks),
         team=_radii(track.team_m for track in tracks),
         pair=_radii(run.pair_m for run in runs),
+        pair_unturned=_radii(run.pair_unturned_m for run in runs),
         fail_pct=100.0 * float(np.mean(failed)) if failed else None,
     )

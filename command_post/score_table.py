@@ -20,8 +20,9 @@ def score_table(score: Score) -> Table:
     table = _table("Error against truth", "PDR alone", "Fused live")
     pdr, live = score.pdr, score.live
     _add(table, "absolute, CE50 / CE95", pdr.absolute, live.absolute)
-    _add(table, "between responders, CE50 / CE95", pdr.pair, live.pair)
+    _add(table, "between responders, CE50 / CE95", pdr.pair_unturned, live.pair_unturned)
     _add(table, "team turned as one, CE50 / CE95", pdr.team, live.team)
+    _add(table, "so turned, between responders", pdr.pair, live.pair)
     table.add_row("at the end, median", _metres(pdr.end_m), _metres(live.end_m))
     table.add_row("height, median", _metres(pdr.vertical_m), _metres(live.vertical_m))
     table.add_row("truth inside the 95 % ellipse", "", _percent(score.coverage95_pct))
@@ -43,8 +44,9 @@ def pooled_table(name: str, score: ScenarioScore) -> Table:
     pdr: PooledMethod = score.pdr
     live: PooledLive = score.live
     _add(table, "absolute, CE50 / CE95", pdr.absolute, live.absolute)
-    _add(table, "between responders, CE50 / CE95", pdr.pair, live.pair)
+    _add(table, "between responders, CE50 / CE95", pdr.pair_unturned, live.pair_unturned)
     _add(table, "team turned as one, CE50 / CE95", pdr.team, live.team)
+    _add(table, "so turned, between responders", pdr.pair, live.pair)
     _add(table, "DAPs set down, CE50 / CE95", None, live.dap)
     table.add_row(
         "failed (95 % of a track over 10 m)", *map(_percent, (pdr.fail_pct, live.fail_pct))

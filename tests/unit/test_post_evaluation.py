@@ -19,6 +19,8 @@ from tests.stride_world import at_ns, installation, key_of, stride, track_start,
 Place = tuple[float, float]
 Said = tuple[Role, str, Message]
 
+METHOD_FIELDS = ("abs", "pair", "pair_unturned", "team", "end_m", "vertical_m")
+
 
 def estimate(time_s: float, name: str, place: Place, sequence: int, var_m2: float = 1.0) -> Said:
     said = TrackEstimate(
@@ -46,6 +48,15 @@ def north_walk(name: str, seconds: int) -> list[Said]:
 def told(name: str, seconds: int, error: Callable[[float, float], Place]) -> list[Said]:
     """Estimates of the same walk, each place made wrong by ``error``."""
     return [estimate(t, name, error(1.2 * t, 0.0), t) for t in range(seconds + 1)]
+
+
+def aside(name: str, seconds: int) -> list[Said]:
+    """Somebody who stands eight metres east."""
+    return [("responder", name, truth(t, (0.0, 8.0), t)) for t in range(seconds + 1)]
+
+
+def told_aside(name: str, seconds: int, error: Callable[[float, float], Place]) -> list[Said]:
+    return [estimate(t, name, error(0.0, 8.0), t) for t in range(seconds + 1)]
 
 
 def evidence(*said: Said) -> Evidence:
@@ -82,12 +93,17 @@ def test_the_teams_rotation_is_taken_out_about_the_first_dap() -> None:
         ("dap", "dap1", truth(0.0, (2.0, 1.0))),
         ("dap", "dap1", installation(0.0, None, (2.0, 1.0))),
         *north_walk("r1", 30), *told("r1", 30, turned),
-        *north_walk("r2", 30), *told("r2", 30, turned),
+        *north_walk("r2", 40)[5:], *told("r2", 40, turned)[5:],
+        *aside("r3", 30), *told_aside("r3", 30, turned),
     ).live  # fmt: skip
     assert live.absolute is not None
     assert live.team is not None
+    assert live.pair is not None
+    assert live.pair_unturned is not None
     assert live.absolute.ce95_m > 8.0
     assert live.team.ce95_m == pytest.approx(0.0, abs=1e-6)
+    assert live.pair_unturned.ce95_m > 0.5
+    assert live.pair.ce95_m == pytest.approx(0.0, abs=1e-6)
 
 
 def test_pairs_are_scored_by_the_vector_between_them() -> None:
@@ -95,8 +111,8 @@ def test_pairs_are_scored_by_the_vector_between_them() -> None:
         *north_walk("r1", 20), *told("r1", 20, lambda n, e: (n + 5.0, e)),
         *north_walk("r2", 20), *told("r2", 20, lambda n, e: (n + 5.0, e + 2.0)),
     ).live  # fmt: skip
-    assert live.pair is not None
-    assert (live.pair.ce50_m, live.pair.ce95_m) == pytest.approx((2.0, 2.0))
+    assert live.pair_unturned is not None
+    assert (live.pair_unturned.ce50_m, live.pair_unturned.ce95_m) == pytest.approx((2.0, 2.0))
 
 
 def test_dead_reckoning_sums_the_increments_from_the_start() -> None:
@@ -153,8 +169,8 @@ def test_daps_that_somebody_set_down_are_scored() -> None:
 def test_nothing_is_none_and_never_nought() -> None:
     empty = card()
     assert msgspec.to_builtins(empty) == {
-        "pdr": dict.fromkeys(("abs", "pair", "team", "end_m", "vertical_m")),
-        "live": dict.fromkeys(("abs", "pair", "team", "end_m", "vertical_m")),
+        "pdr": dict.fromkeys(METHOD_FIELDS),
+        "live": dict.fromkeys(METHOD_FIELDS),
         "dap": None,
         "coverage95_pct": None,
         "responders": {},
@@ -195,8 +211,9 @@ def test_runs_are_thrown_together() -> None:
     assert course["live"]["fail_pct"] == pytest.approx(25.0)
     assert course["live"]["coverage95_pct"] == pytest.approx(75.0)
     assert course["live"]["dap"] is None
-    assert set(course["live"]) == {"abs", "team", "pair", "dap", "fail_pct", "coverage95_pct"}
-    assert course["pdr"] == {"abs": None, "team": None, "pair": None, "fail_pct": None}
+    ways = {"abs", "team", "pair", "pair_unturned", "fail_pct"}
+    assert set(course["live"]) == ways | {"dap", "coverage95_pct"}
+    assert course["pdr"] == dict.fromkeys(ways)
     assert pooled["scenarios"]["none"]["live"]["abs"] is None
 
 
