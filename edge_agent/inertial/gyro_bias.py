@@ -1,7 +1,7 @@
 """The gyro's bias: what it reads while the boot stands still.
 
-The paper leaves the bias to the sensor. Uncorrected it turns the whole path, by half a degree a
-second for the sensors measured, so its mean is taken whenever the boot is still for a second:
+The paper leaves the bias to the sensor. Uncorrected it turns the whole path, by up to half a degree
+a second for the sensors measured, so its mean is taken whenever the boot is still for a second:
 shorter averages are worse than none, for in a walking stance the boot rolls.
 """
 
