@@ -78,7 +78,7 @@ class DapNode:
     def _set_down(self, report: SetDown) -> None:
         installation = Installation(report.time_ns, report.installer_id, report.position)
         self._standing.set_down(installation)
-        self._truth_m = report.truth_m
+        self._truth_m, self._truth_due_ns = report.truth_m, report.time_ns
         self._say_place(installation)
         _log.info("set down", installer_id=report.installer_id, stage=self.stage)
 

@@ -29,6 +29,9 @@ Length: TypeAlias = Annotated[float, Meta(gt=0.0, le=100.0)]
 WAVES = 64
 """Plane waves in a random field: enough for its values to be all but Gaussian."""
 
+NEAREST_M = 0.1
+"""Antennas count as this far apart at least: nearer, power does not fall with range."""
+
 FLOOR_EXPONENT_OFFSET = 0.46
 """COST 231's b: each further floor costs less than the one before."""
 
@@ -128,8 +131,7 @@ def mean_power_dbm(
     ``dap_m`` (3,) is where the DAP stands, ``body_m`` (n, 3) the floor under the responder, whose
     radio is worn in front and who faces ``heading_rad`` (n,).
     """
-    antenna_m, radio_m = _antennas(radio, dap_m, body_m)
-    range_m = np.linalg.norm(radio_m - antenna_m, axis=1)
+    antenna_m, radio_m, range_m = _antennas(radio, dap_m, body_m)
     power_dbm: Array = radio.power_at_1_m_dbm - 10.0 * radio.path_loss_exponent * np.log10(range_m)
     for attenuation in get_args(Attenuation):
         crossed = plan.walls_crossed(radio_m, antenna_m, attenuation)
@@ -154,8 +156,7 @@ def received_power_dbm(
 
     Shadowing fades in over its own correlation length: over a short range nothing stands between.
     """
-    antenna_m, radio_m = _antennas(radio, dap_m, body_m)
-    range_m = np.linalg.norm(radio_m - antenna_m, axis=1)
+    antenna_m, radio_m, range_m = _antennas(radio, dap_m, body_m)
     grown = np.sqrt(-np.expm1(-range_m / radio.shadowing_length_m))
     shadow = np.sqrt(2.0) * around.shadowing.at(radio_m).real
     k = rician_k(radio, range_m, plan.walls_crossed(radio_m, antenna_m))
@@ -179,10 +180,12 @@ def probability_heard(radio: RadioParameters, power_dbm: Array) -> Array:
     return np.asarray((1.0 - radio.loss_probability) * expit(above))
 
 
-def _antennas(radio: RadioParameters, dap_m: Array, body_m: Array) -> tuple[Array, Array]:
-    """Return the DAP's antenna (n, 3), and the responder's (n, 3)."""
+def _antennas(radio: RadioParameters, dap_m: Array, body_m: Array) -> tuple[Array, Array, Array]:
+    """Return the DAP's antenna (n, 3), the responder's (n, 3), and the range between (n,)."""
     antenna_m = np.broadcast_to(dap_m - [0.0, 0.0, radio.dap_height_m], body_m.shape)
-    return antenna_m, body_m - [0.0, 0.0, radio.worn_height_m]
+    radio_m = body_m - [0.0, 0.0, radio.worn_height_m]
+    range_m = np.maximum(np.linalg.norm(radio_m - antenna_m, axis=1), NEAREST_M)
+    return antenna_m, radio_m, range_m
 
 
 def _floor_loss_db(radio: RadioParameters, floors: NDArray[np.intp]) -> Array:

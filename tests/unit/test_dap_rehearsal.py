@@ -90,6 +90,22 @@ def test_mistakes_on_the_command_line_are_told(arguments: list[str], complaint: 
     assert complaint in logs[-1]["event"]
 
 
+def test_thresholds_come_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "proximity.toml"
+    file.write_text("enter_dbm = -20.0\nleave_dbm = -25.0\n")
+    command = ["evaluate", "stairwell", "--seeds", "0", "--proximity", str(file)]
+    assert app(command, exit_on_error=False, result_action="return_value") == ExitCode.OK
+    rows = [line.split("│") for line in capsys.readouterr().out.splitlines() if "│" in line]
+    told = {row[1].strip(): row[2].strip() for row in rows}
+    assert told["events told"] == "0"
+    assert int(told["passes within 1.5 m"]) > 0
+    file.write_text("enter_db = -20.0")
+    with capture_logs() as logs:
+        code = app(command, exit_on_error=False, result_action="return_value")
+    assert code == ExitCode.USAGE
+    assert "did you mean 'enter_dbm'" in logs[-1]["event"]
+
+
 def test_near_means_within_some_metres(scenario: Scenario) -> None:
     """Fusion takes it as at the DAP, with a standard deviation of 1.7 m in each direction."""
     trials = [

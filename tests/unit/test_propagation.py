@@ -44,6 +44,10 @@ def test_power_falls_with_range_by_the_exponent() -> None:
     assert per_decade_db == pytest.approx(10.0 * LEVEL.path_loss_exponent)
 
 
+def test_at_the_antenna_power_is_finite() -> None:
+    assert power_at(0.0, plan_with()) == power_at(0.05, plan_with()) > power_at(0.2, plan_with())
+
+
 @pytest.mark.parametrize(("attenuation", "loss_db"), [("light", 3.4), ("brick", 6.9)])
 def test_each_wall_takes_what_its_class_takes(attenuation: Attenuation, loss_db: float) -> None:
     walls = [Wall("ground", (at, -1.0), (at, 1.0), attenuation) for at in (2.0, 3.0)]

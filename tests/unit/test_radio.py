@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from shared.simulation.installation import installation_truth
 from shared.simulation.radio import RadioChannel, simulate_scans
-from shared.simulation.radio_figures import range_rows
+from shared.simulation.radio_figures import range_rows, show
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.simulation.walker import simulate_walk
 
@@ -67,6 +67,14 @@ def test_figures_are_like_measured_ones(scenario: Scenario) -> None:
     assert rows[1.0].standing_variance_db2 < 1.5
     assert rows[12.0].walking_variance_db2 > 1.2 * rows[1.0].walking_variance_db2
     assert rows[0.0].lost < 0.1 < rows[40.0].lost
+
+
+def test_the_figures_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    show(scenario="stairwell", seeds=1)
+    shown = capsys.readouterr().out
+    assert "across" in shown
+    assert "0 to 1" in shown
+    assert "nan" not in shown
 
 
 def test_a_quicker_scan_reads_more(scenario: Scenario) -> None:
