@@ -30,9 +30,9 @@ PASS_MARGIN_S = 1.0
 class LinkTrial(NamedTuple):
     """One DAP and one responder in one exercise.
 
-    Horizontal distances (m) at the times that events tell: ``entered_m`` of those that begin a
-    stay, ``near_m`` of those that go on with one. ``passes`` is how often the responder passed
-    the DAP, ``noticed`` how many of these times there was an event.
+    Distances (m) from the floor underfoot to the DAP, at the times that events tell: ``entered_m``
+    of those that begin a stay, ``near_m`` of those that go on with one. ``passes`` is how often
+    the responder passed the DAP, ``noticed`` how many of these times there was an event.
     """
 
     entered_m: Array
@@ -77,7 +77,7 @@ def try_dap(
     installed_s, dap_m, _ = installation_truth(scenario, dap_id, seed)
     for responder_id in scenario.responders:
         body = simulate_walk(scenario, responder_id, seed).body
-        distance_m = np.linalg.norm((body.position_m - dap_m)[:, :2], axis=1)
+        distance_m = np.linalg.norm(body.position_m - dap_m, axis=1)
         time_s = {
             phase: np.array(
                 [event.time_ns / NS_PER_S for event in told[responder_id] if event.phase == phase]
