@@ -60,7 +60,9 @@ class Agent:
             self._take_sample(reading)
 
     def finish(self) -> None:
-        """Send what is still held."""
+        """Send what is still held: no more samples will come."""
+        for increment in self._mount.finish():
+            self._send_increment(increment)
         if self._batch:
             self._send_batch()
 

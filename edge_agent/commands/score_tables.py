@@ -14,6 +14,7 @@ PIPED_WIDTH = 200
 _HEADINGS = {
     "distance_error_pct": "distance %",
     "distance_3d_error_pct": "distance 3-D %",
+    "taped_error_pct": "taped %",
     "stride_rmse_m": "stride m",
     "ate_pct": "ATE %",
     "end_error_pct": "end %",

@@ -14,7 +14,7 @@ from edge_agent.mounts.interface import Increment
 from shared.maths.statistics import Summary, summarise
 
 METRICS = (
-    "distance_error_pct", "distance_3d_error_pct", "stride_rmse_m", "ate_pct", "end_error_pct",
+    "distance_error_pct", "distance_3d_error_pct", "taped_error_pct", "stride_rmse_m", "ate_pct", "end_error_pct",
     "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct", "vertical_rmse_m",
     "vertical_end_error_m", "closure_2d_m", "closure_3d_m",
 )  # fmt: skip
@@ -35,7 +35,8 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
 
     Errors keep their sign: ``distance_error_pct`` (in the plane; ``distance_3d_error_pct`` counts
     climbing as well, where the truth has height) is negative for a path that came out short,
-    ``heading_drift_deg_min`` positive for one that turns right, ``vertical_end_error_m`` positive
+    ``taped_error_pct`` compares all strides told, climbing included, with the length of the course
+    as laid out with a tape: the paper's own figure. ``heading_drift_deg_min`` positive for one that turns right, ``vertical_end_error_m`` positive
     for one that ends too low. ``failure`` says why there is no score; the trial still counts.
     """
 
@@ -46,6 +47,7 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     mean_speed_m_s: float | None = None
     distance_error_pct: float | None = None
     distance_3d_error_pct: float | None = None
+    taped_error_pct: float | None = None
     stride_rmse_m: float | None = None
     ate_pct: float | None = None
     end_error_pct: float | None = None
@@ -95,6 +97,9 @@ def score_trial(
         errors = _errors(set_of(group, truth), path, truth)
     except ValueError as error:
         return failed_trial(name, group, truth, str(error))
+    if truth.taped_m is not None:
+        told_m = sum(math.hypot(*increment.displacement_m) for increment in increments)
+        errors["taped_error_pct"] = 100.0 * (told_m / truth.taped_m - 1.0)
     return msgspec.structs.replace(_row(name, group, truth), **errors)
 
 

@@ -37,12 +37,14 @@ class Height:
 class Truth:
     """True stances: ``time_s`` (k,) rising, ``position_m`` (k, 2) north and east; height if known.
 
-    North is wherever the truth's frame has it; only rigid alignment compares.
+    North is wherever the truth's frame has it; only rigid alignment compares. ``taped_m`` is the
+    length of the course as it was laid out with a tape, where it was.
     """
 
     time_s: Array
     position_m: Array
     height: Height | None = None
+    taped_m: float | None = None
 
     @property
     def stride_lengths_m(self) -> Array:
@@ -64,10 +66,10 @@ class Truth:
         return self.length_m / float(self.time_s[-1] - self.time_s[0])
 
 
-def truth_of_stances(time_s: Array, position_m: Array) -> Truth:
+def truth_of_stances(time_s: Array, position_m: Array, taped_m: float | None = None) -> Truth:
     """Return the truth of stances known one by one, ``position_m`` (k, 2) or (k, 3) NED."""
     height = Height(time_s, position_m[:, 2]) if position_m.shape[1] == 3 else None
-    return Truth(time_s, position_m[:, :2], height)
+    return Truth(time_s, position_m[:, :2], height, taped_m)
 
 
 def truth_of_path(time_s: Array, position_m: Array) -> Truth:

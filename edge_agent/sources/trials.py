@@ -84,5 +84,5 @@ def _read_csv(path: Path) -> TrialData:
 def _simulate(scenario: Scenario, responder: str, seed: int) -> TrialData:
     read = simulate_boot_imu(scenario, responder, seed)
     walk = simulate_walk(scenario, responder, seed)
-    truth = truth_of_stances(walk.stance_time_s, walk.stance_position_m)
+    truth = truth_of_stances(walk.stance_time_s, walk.stance_position_m, scenario.taped_m)
     return TrialData(read.samples(0), len(read.time_s), truth)

@@ -125,6 +125,7 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
     imu: ImuSettings = ImuSettings()
     magnetic: MagneticSettings = MagneticSettings()
     radio: RadioParameters = RadioParameters()
+    taped_m: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
 
     def __post_init__(self) -> None:
         """Refuse DAPs that nobody or more than one installs, and people who are not described."""
