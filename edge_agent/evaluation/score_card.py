@@ -14,8 +14,8 @@ from edge_agent.mounts.interface import Increment
 from shared.maths.statistics import Summary, summarise
 
 METRICS = (
-    "distance_error_pct", "distance_3d_error_pct", "taped_error_pct", "stride_rmse_m", "ate_pct", "end_error_pct",
-    "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct", "vertical_rmse_m",
+    "distance_error_pct", "distance_3d_error_pct", "taped_error_pct", "stride_rmse_m", "ate_pct",
+    "end_error_pct", "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct", "vertical_rmse_m",
     "vertical_end_error_m", "closure_2d_m", "closure_3d_m",
 )  # fmt: skip
 """The fields of ``TrialScore`` that a set sums up."""
@@ -36,8 +36,9 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     Errors keep their sign: ``distance_error_pct`` (in the plane; ``distance_3d_error_pct`` counts
     climbing as well, where the truth has height) is negative for a path that came out short,
     ``taped_error_pct`` compares all strides told, climbing included, with the length of the course
-    as laid out with a tape: the paper's own figure. ``heading_drift_deg_min`` positive for one that turns right, ``vertical_end_error_m`` positive
-    for one that ends too low. ``failure`` says why there is no score; the trial still counts.
+    as laid out with a tape: the paper's own figure. ``heading_drift_deg_min`` is positive for a
+    path that turns right, ``vertical_end_error_m`` for one that ends too low. ``failure`` says why
+    there is no score; the trial still counts.
     """
 
     name: str
