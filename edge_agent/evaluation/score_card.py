@@ -15,8 +15,8 @@ from shared.maths.statistics import Summary, summarise
 
 METRICS = (
     "distance_error_pct", "distance_3d_error_pct", "taped_error_pct", "stride_rmse_m", "ate_pct",
-    "end_error_pct", "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct", "vertical_rmse_m",
-    "vertical_end_error_m", "closure_2d_m", "closure_3d_m",
+    "end_error_pct", "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct",
+    "vertical_rmse_m", "vertical_end_error_m", "closure_2d_m", "closure_3d_m",
 )  # fmt: skip
 """The fields of ``TrialScore`` that a set sums up."""
 
