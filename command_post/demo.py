@@ -19,13 +19,17 @@ from shared.clock import SystemClock
 from shared.messages import ExerciseStart
 from shared.sender import Sender
 from shared.simulation.scenario import Scenario
-from shared.topics import alive_key, all_alive_of
+from shared.topics import alive_key, all_alive_of, finished_key
 
 INCIDENT = "demo"
 POST_ID = "post"
 LAUNCHER_ID = "launcher"
 READY_TIMEOUT_S = 90.0
 POLL_S = 0.1
+LAST_WORDS_S = 3.0
+"""Of the exercise: longer than events are held back for their order."""
+
+SHORTEST_PAUSE_S = 0.2
 
 
 class DemoError(RuntimeError):
@@ -79,16 +83,11 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
                 return False
             start = _give_the_start(settings, bus)
             say(f"exercise started: {start.scenario}, seed {start.seed}, {start.speed:g}x")
-            told: set[str] = set()
-            while walkers := [name for name in children.running() if name != POST_ID]:
-                _check(settings, children, [POST_ID])
-                for name, exit_code in children.failed():
-                    if name not in told:
-                        told.add(name)
-                        say(f"{name} ended with exit code {exit_code}; going on without")
-                if stop.wait(POLL_S):
-                    say("stopping " + ", ".join(walkers))
-                    return False
+            if not _wait_until_finished(settings, bus, children, stop, say):
+                say("stopping " + ", ".join(children.running()))
+                return False
+            # The post first: its last look at the roster is to find everybody there.
+            children.stop([POST_ID])
     return True
 
 
@@ -156,6 +155,31 @@ def _wait_until_alive(settings: DemoSettings, bus: Bus, children: Children, stop
         if stop.wait(POLL_S):
             return False
     return True
+
+
+def _wait_until_finished(
+    settings: DemoSettings,
+    bus: Bus,
+    children: Children,
+    stop: Event,
+    say: Callable[[str], None],
+) -> bool:
+    """Wait until every responder who still runs has walked their route."""
+    finished: set[str] = set()
+    for one in settings.scenario.responders:
+        bus.watch_alive(finished_key(INCIDENT, one), lambda key, _: finished.add(key))
+    told: set[str] = set()
+    while True:
+        _check(settings, children, [POST_ID])
+        for name, exit_code in children.failed():
+            if name not in told:
+                told.add(name)
+                say(f"{name} ended with exit code {exit_code}; going on without")
+        walking = settings.scenario.responders.keys() & set(children.running())
+        if all(finished_key(INCIDENT, one) in finished for one in walking):
+            return not stop.wait(max(LAST_WORDS_S / settings.speed, SHORTEST_PAUSE_S))
+        if stop.wait(POLL_S):
+            return False
 
 
 def _give_the_start(settings: DemoSettings, bus: Bus) -> ExerciseStart:

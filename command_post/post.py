@@ -71,18 +71,19 @@ class Post:
         while not stop.is_set():
             self._handle_all(self._inbox.get_all(SHOW_PERIOD_S))
             if time.monotonic() >= next_show_s:
-                self._show(self.roster())
+                self._show(self.roster(self._clock.now_ns()))
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
-        greeter.join()
+        ended_ns = self._clock.now_ns()
         self._handle_all(self._inbox.get_all())
-        self._publish(self._recorded.finish(self._clock.now_ns()))
-        self._show(self.roster())
+        self._publish(self._recorded.finish(ended_ns))
+        self._show(self.roster(ended_ns))
+        greeter.join()
         self._tell_losses()
 
-    def roster(self) -> Roster:
-        """Return who is where now."""
+    def roster(self, now_ns: int) -> Roster:
+        """Return who is where at ``now_ns`` of the post's clock."""
         alive = {key.split("/")[-2] for key in tuple(self._alive)}
-        return make_roster(self._incident, self._clock.now_ns(), RosterSettings(), alive)
+        return make_roster(self._incident, now_ns, RosterSettings(), alive)
 
     def _handle_all(self, messages: Sequence[Received]) -> None:
         for key, payload in messages:

@@ -86,6 +86,11 @@ def alive_key(incident: str, role: Role, node_id: str) -> str:
     return f"clew/{WIRE_VERSION}/{incident}/{role}/{node_id}/alive"
 
 
+def finished_key(incident: str, responder_id: str) -> str:
+    """Key of the token that a responder's agent holds once its part of an exercise is over."""
+    return f"clew/{WIRE_VERSION}/{incident}/responder/{responder_id}/finished"
+
+
 def all_alive_of(incident: str) -> str:
     """Key expression for the liveliness tokens of an incident's nodes."""
     return f"clew/{WIRE_VERSION}/{incident}/*/*/alive"

@@ -25,7 +25,7 @@ from shared.messages import LocalPosition, NodeId, TrackStart
 from shared.process import ExitCode, stop_on_signals, stop_with_parent, wait_until
 from shared.sender import Sender
 from shared.simulation.scenario import load_scenario
-from shared.topics import alive_key, check_id
+from shared.topics import alive_key, check_id, finished_key
 
 DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
 LINK_POLL_S = 0.05
@@ -74,7 +74,7 @@ def run(
     imu
         Publish the raw samples as well, for the record.
     await_start
-        Begin with the exercise, at its speed.
+        Begin with the exercise, at its speed, and stay until stopped.
     with_parent
         Stop when standard input closes.
 
@@ -104,6 +104,10 @@ def run(
                     return ExitCode.OK
                 begin_ns, speed = exercise.event_time_ns, exercise.speed
             _follow(agent, opened.beginning_at(begin_ns), ScaledClock(begin_ns, speed), stop)
+            if await_start:
+                # The wearer stays where they are until the exercise is over for everybody.
+                bus.declare_alive(finished_key(incident, responder_id))
+                stop.wait()
             if bus.unsent:
                 _log.warning("messages were lost: there was no link", count=bus.unsent)
     except (SourceError, ConfigError, ValueError) as error:
