@@ -20,6 +20,7 @@ import msgspec
 from msgspec import inspect
 
 T = TypeVar("T")
+S = TypeVar("S", bound=msgspec.Struct)
 
 _PATH_STEP = re.compile(r"([^.\[\]]+)(?![^\[]*\])|\[(\d+)\]")
 
@@ -60,6 +61,17 @@ def parse_toml(text: str, kind: type[T], origin: str) -> T:
     except msgspec.ValidationError as error:
         complaint = _naming_entries(str(error), values, kind)
         raise ConfigError(f"{origin}: {_told_by_key(complaint)}") from None
+
+
+def checked(settings: S) -> S:
+    """Return ``settings``, made in code or of a command line's arguments, if all are in bounds.
+
+    Structs check themselves only when they are decoded. Raises ``ConfigError``.
+    """
+    try:
+        return msgspec.convert(msgspec.to_builtins(settings), type(settings))
+    except msgspec.ValidationError as error:
+        raise ConfigError(_told_by_key(str(error))) from None
 
 
 def _complaints(value: object, expected: inspect.Type, place: str) -> Iterator[str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -24,7 +26,7 @@ from command_post.roster import Roster
 from command_post.table import roster_table
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import SystemClock
-from shared.config import ConfigError
+from shared.config import ConfigError, checked
 from shared.files import replace_atomically
 from shared.process import ExitCode, configure_logging, stop_on_signals, stop_with_parent
 from shared.simulation.scenario import load_scenario
@@ -77,34 +79,35 @@ def run(
         settings = IncidentSettings(
             incident=check_id(incident, "--incident"),
             post_id=check_id(post_id, "--id"),
-            fusion=FusionSettings(seed=seed, particles=particles),
+            fusion=checked(FusionSettings(seed=seed, particles=particles)),
         )
-        with (
-            stop_on_signals() as stop,
-            open_zenoh("router", listen=[listen]) as bus,
-            Recorder(record, settings.as_metadata()) as recorder,
-            Live(console=Console(file=sys.stdout), auto_refresh=False) as live,
-        ):
+        with stop_on_signals() as stop, open_zenoh("router", listen=[listen]) as bus:
             if with_parent:
                 stop_with_parent(stop)
-
-            def show(roster: Roster) -> None:
-                if table:
-                    live.update(roster_table(roster), refresh=True)
-
-            post = Post(
-                bus, Incident(settings), recorder, SystemClock(),
-                follows_exercise=await_start, show=show,
-            )  # fmt: skip
-            post.serve(stop)
-            status = recorder.close()
-    except (ValueError, RecorderError) as error:
+            with Recorder(record, settings.as_metadata()) as recorder, _shown(table) as show:
+                post = Post(
+                    bus, Incident(settings), recorder, SystemClock(),
+                    follows_exercise=await_start, show=show,
+                )  # fmt: skip
+                post.serve(stop)
+                status = recorder.close()
+    except (ValueError, RecorderError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     if status.fault is not None or status.dropped:
         _log.error("the recording is not whole", fault=status.fault, dropped=status.dropped)
         return ExitCode.FAILURE
     return ExitCode.OK
+
+
+@contextmanager
+def _shown(table: bool) -> Iterator[Callable[[Roster], None]]:
+    """Give what is to be done with each roster: nothing, or to show it on standard output."""
+    if not table:
+        yield lambda _: None
+        return
+    with Live(console=Console(file=sys.stdout), auto_refresh=False) as live:
+        yield lambda roster: live.update(roster_table(roster), refresh=True)
 
 
 def demo(

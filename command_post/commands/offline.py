@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 import structlog
+from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import Progress
 
@@ -18,10 +20,12 @@ from command_post.recording_file import RecorderError
 from command_post.rehearsal import RehearsalError
 from command_post.rehearsal import rehearse as rehearse_scenario
 from command_post.score_table import pooled_table
-from shared.config import ConfigError
+from shared.config import checked
 from shared.exercise import REHEARSAL_INCIDENT
 from shared.process import ExitCode
 from shared.simulation.scenario import load_scenario
+
+Positive = Annotated[int, Parameter(validator=validators.Number(gt=0))]
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -52,12 +56,12 @@ def rehearse(
         Replace a recording that is there already.
 
     """
-    fusion = FusionSettings(seed=seed)
-    settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
     try:
+        fusion = checked(FusionSettings(seed=seed))
+        settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
         load_scenario(scenario)
         rehearse_scenario(scenario, seed, settings, output, imu=imu, replace=replace)
-    except (ConfigError, RecorderError) as error:
+    except (ValueError, RecorderError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     except RehearsalError as error:
@@ -69,10 +73,10 @@ def rehearse(
 def montecarlo(
     *,
     scenario: list[str],
-    runs: int = 20,
+    runs: Positive = 20,
     seed: int = 0,
     particles: int = 1000,
-    workers: int = 2,
+    workers: Positive = 2,
     json: bool = False,
 ) -> int:
     """Rehearse scenarios many times and score all runs together.
@@ -95,11 +99,11 @@ def montecarlo(
         Print the score card as one JSON object.
 
     """
-    fusion = FusionSettings(particles=particles)
-    settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
     errors: dict[str, list[RunErrors]] = {}
     console = Console(stderr=True)
     try:
+        fusion = checked(FusionSettings(seed=seed, particles=particles))
+        settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
         for name in scenario:
             load_scenario(name)
         with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -109,7 +113,7 @@ def montecarlo(
                 for chunk in run_many(name, runs, seed, settings, workers):
                     errors[Path(name).stem].extend(chunk)
                     bar.advance(task, len(chunk))
-    except ConfigError as error:
+    except ValueError as error:
         _log.error(str(error))
         return ExitCode.USAGE
     except RehearsalError as error:

@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 import pytest
 
-from shared.config import ConfigError, load_toml
+from shared.config import ConfigError, checked, load_toml
 
 
 class Noise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="noise"):
@@ -136,3 +136,9 @@ def test_unknown_keys_are_refused_even_where_a_struct_would_pass_them_over(
     site_toml.write_text("rate = 50", encoding="utf-8")
     with pytest.raises(ConfigError, match="did you mean 'rate_hz'"):
         load_toml(site_toml, Lenient)
+
+
+def test_settings_made_in_code_can_be_checked_as_well() -> None:
+    assert checked(Noise(sigma_db=2.0)) == Noise(sigma_db=2.0)
+    with pytest.raises(ConfigError, match=r"^sigma_db: Expected `float` > 0.0; correct it$"):
+        checked(Noise(sigma_db=-1.0))
