@@ -26,12 +26,12 @@ def draw_trial(path: EstimatedPath, truth: Truth | None, title: str, file: Path)
     """Draw ``path`` as a PNG at ``file``, which is replaced whole or not at all.
 
     Above, the track in the plane, bold, with a dot at each true stance; where there is ``truth``
-    (two stances or more), the track is rigidly aligned with it, and the true stances lie over it,
+    of two stances or more, the track is rigidly aligned with it, and it lies over the track,
     dashed. Below, estimated minus true length of each stride. Metres, the same scale both ways;
     north is up in the truth's frame, or the track's own. The folder of ``file`` must exist.
     """
     figure = Figure(figsize=SIZE_IN, dpi=DOTS_PER_INCH, layout="constrained")
-    if truth is None:
+    if truth is None or len(truth.time_s) < 2:
         _draw_track(figure.add_subplot(), path, None)
     else:
         above, below = figure.subplots(2, 1, height_ratios=(3.0, 1.0))
