@@ -25,7 +25,7 @@ from edge_agent.evaluation.score_card import (
     score_trial,
 )
 from edge_agent.mounts.interface import Increment
-from edge_agent.mounts.methods import MethodName, MountName, make_mount
+from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, MountName, make_mount
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.trials import Trial, TrialData, find_trials
 from shared.config import ConfigError
@@ -63,7 +63,7 @@ def evaluate(
     /,
     *,
     mount: MountName = "boot",
-    method: MethodName = "linear",
+    method: MethodName = DEFAULT_METHOD,
     seed: int = 0,
     degrade: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
