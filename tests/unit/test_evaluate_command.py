@@ -68,7 +68,7 @@ def test_json_has_trials_and_sets(
 def test_degraded_trials_are_scored_set_by_set(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(monkeypatch, folder, "--degrade", "--json") == ExitCode.OK
+    assert run(monkeypatch, folder, "--degrade", "--json", "--method", "linear") == ExitCode.OK
     found = card(capsys)
     assert list(found["degraded"]) == list(DEGRADATIONS)
     assert len(found["trials"]) == 1
@@ -80,7 +80,7 @@ def test_degraded_trials_are_scored_set_by_set(
     assert medians["accelerometer +1 %"] == pytest.approx(1.0, abs=0.2)
     assert medians["clock +0.5 %"] == pytest.approx(1.0, abs=0.2)
     assert medians["±8 g"] < 0.2
-    assert run(monkeypatch, folder, "--degrade", "--json") == ExitCode.OK
+    assert run(monkeypatch, folder, "--degrade", "--json", "--method", "linear") == ExitCode.OK
     again = card(capsys)["degraded"]["5 % lost at random"]["drill"]
     assert again["ate_pct"] == found["degraded"]["5 % lost at random"]["drill"]["ate_pct"]
 
@@ -89,7 +89,7 @@ def test_the_degraded_table_names_every_degradation(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "torn.npz").write_bytes(b"torn")
-    assert run(monkeypatch, folder, "--degrade") == ExitCode.USAGE
+    assert run(monkeypatch, folder, "--degrade", "--method", "linear") == ExitCode.USAGE
     out = capsys.readouterr().out
     table = out[out.index("Degraded, medians (boot, linear)") :]
     for name in ("as recorded", *DEGRADATIONS):
@@ -104,7 +104,7 @@ def test_times_that_cannot_be_resampled_fail_the_degradation_alone(
         arrays = dict(stored)
     arrays["t_s"][5] = arrays["t_s"][4]
     np.savez(folder / "good.npz", **arrays)
-    assert run(monkeypatch, folder, "--degrade", "--json") == ExitCode.OK
+    assert run(monkeypatch, folder, "--degrade", "--json", "--method", "linear") == ExitCode.OK
     found = card(capsys)
     assert found["trials"][0]["failure"] is None
     failed = {name: sets["drill"]["failed"] for name, sets in found["degraded"].items()}
@@ -154,7 +154,7 @@ def test_a_trial_that_breaks_the_mount_is_listed_and_counted(
         raise ZeroDivisionError("of all things")
 
     monkeypatch.setattr(BootMount, "step", step)
-    assert run(monkeypatch, folder, "--json") == ExitCode.FAILURE
+    assert run(monkeypatch, folder, "--json", "--method", "linear") == ExitCode.FAILURE
     assert card(capsys)["trials"][0]["failure"] == "ZeroDivisionError: of all things"
 
 
