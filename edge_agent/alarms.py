@@ -161,7 +161,11 @@ class _Stillness:
             self.still_since_ns += now_ns - last_ns
             return False
         off_m_s2 = self._average(sample.force_m_s2, since_s)
-        if rate2 > settings.moving_rad_s**2 or off_m_s2 > settings.moving_m_s2:
+        turns = rate2 > settings.moving_rad_s**2
+        if turns:
+            # It comes to rest in another posture: the old one must not pass for motion then.
+            self.force_m_s2 = self._quick
+        if turns or off_m_s2 > settings.moving_m_s2:
             self._stirred_s = min(self._stirred_s + since_s, 2.0 * settings.moving_s)
         else:
             self._stirred_s = max(self._stirred_s - since_s, 0.0)

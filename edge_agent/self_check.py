@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -147,7 +148,8 @@ class SelfCheck:
             self._faults.gaps - faults.gaps,
             self._faults.restarts - faults.restarts,
         )
-        readings = np.array([(*one.force_m_s2, *one.rate_rad_s) for one in samples])
+        values = chain.from_iterable((*one.force_m_s2, *one.rate_rad_s) for one in samples)
+        readings = np.fromiter(values, np.float64, 6 * len(samples)).reshape(-1, 6)
         readings = readings[np.isfinite(readings).all(axis=1)]
         if not len(readings):
             readings = np.full((1, 6), np.nan)
@@ -181,12 +183,11 @@ class SelfCheck:
 
     def _flat_tops(self, readings: Array, high: float) -> int:
         """Return how many samples are in runs of the same high reading."""
-        size = self._settings.flat_samples
-        if len(readings) < size:
-            return 0
-        windows = np.lib.stride_tricks.sliding_window_view(readings, size, axis=0)
-        same = np.ptp(windows, axis=2) == 0.0
-        return int(np.count_nonzero((same & (np.abs(windows[..., 0]) > high)).any(axis=1)))
+        same = (readings[1:] == readings[:-1]) & (np.abs(readings[1:]) > high)
+        run = same
+        for _ in range(self._settings.flat_samples - 2):
+            run = run[1:] & same[: len(run) - 1]
+        return int(np.count_nonzero(run.any(axis=1)))
 
     def _findings(self) -> tuple[_Finding, ...]:
         found = [

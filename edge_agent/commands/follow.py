@@ -31,6 +31,8 @@ DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
 LINK_POLL_S = 0.05
 WAIT_AHEAD_NS = 10_000_000
 """Samples this close together are taken without a wait between them."""
+TICK_NS = 500_000_000
+"""While no sample comes, the agent is told this often how late it is."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -175,6 +177,10 @@ def _follow(agent: Agent, readings: Iterator[Reading], clock: Clock, stop: Event
     waited_ns = 0
     for reading in readings:
         if reading.time_ns >= waited_ns:
+            while reading.time_ns - clock.now_ns() > TICK_NS:
+                if not wait_until(clock, clock.now_ns() + TICK_NS, stop):
+                    return
+                agent.pass_time(clock.now_ns())
             if not wait_until(clock, reading.time_ns, stop):
                 return
             waited_ns = reading.time_ns + WAIT_AHEAD_NS
