@@ -52,6 +52,7 @@ STATE = np.dtype(
         ("zero_rate_first", "i8"),
         ("zero_rate_last", "i8"),
         ("candidate_statistic", "f8"),
+        ("candidate_peak_m_s", "f8"),
         ("anchor_position_m", "f8", (3,)),
         ("anchor_quat_wxyz", "f8", (4,)),
         ("heading_rad", "f8"),

@@ -48,7 +48,13 @@ MOST_HELD = 16
 
 @compiled
 def close_stride(
-    s: StateRecord, o: OutcomeRecord, p: ParametersRecord, m: int, anchor: int, kind: int
+    s: StateRecord,
+    o: OutcomeRecord,
+    p: ParametersRecord,
+    m: int,
+    anchor: int,
+    kind: int,
+    peak_speed_m_s: float,
 ) -> None:
     """Smooth the stretch up to slot ``m``, write the increment up to slot ``anchor``.
 
@@ -73,10 +79,21 @@ def close_stride(
         o.displacement_m[c] = s.path[anchor & mask, c] - s.anchor_position_m[c]
         s.anchor_position_m[c] = s.path[anchor & mask, c]
     s.anchor_quat_wxyz[:] = end
-    o.peak_speed_m_s, o.rolling_height_m = s.peak_speed_m_s, s.rolling_height_m
+    o.peak_speed_m_s, o.rolling_height_m = peak_speed_m_s, s.rolling_height_m
     o.statistic = s.statistic[anchor & mask]
     write_increment_covariance(s.covariance, o.covariance, p, o.displacement_m, o.peak_speed_m_s)
-    s.boundary, s.anchor, s.candidate, s.peak_speed_m_s = m, anchor, -1, 0.0
+    s.boundary, s.anchor, s.candidate = m, anchor, -1
+
+
+@compiled
+def close_at_candidate(s: StateRecord, o: OutcomeRecord, p: ParametersRecord, m: int) -> None:
+    """Close the stride up to the candidate. After standing, the next swing may have begun."""
+    peak_m_s = s.candidate_peak_m_s
+    if peak_m_s > p.moving_speed_m_s:
+        close_stride(s, o, p, m, s.candidate, STRIDE, peak_m_s)
+        s.peak_speed_m_s = 0.0
+    else:
+        close_stride(s, o, p, m, s.candidate, STANDING, peak_m_s)
 
 
 @compiled
@@ -126,12 +143,13 @@ def advance(s: StateRecord, o: OutcomeRecord, p: ParametersRecord, m: int) -> bo
         moved = s.peak_speed_m_s > p.moving_speed_m_s or m - s.anchor >= p.standing
         if moved if s.candidate < 0 else value < s.candidate_statistic:
             s.candidate, s.candidate_statistic = m, value
+            s.candidate_peak_m_s = s.peak_speed_m_s
     if s.candidate >= 0 and m - s.candidate >= p.settle:
-        swung = s.peak_speed_m_s > p.moving_speed_m_s
-        close_stride(s, o, p, m, s.candidate, STRIDE if swung else STANDING)
+        close_at_candidate(s, o, p, m)
         return True
     if m - s.boundary >= p.longest:
-        close_stride(s, o, p, m, m, UNFINISHED)
+        close_stride(s, o, p, m, m, UNFINISHED, s.peak_speed_m_s)
+        s.peak_speed_m_s = 0.0
         return True
     return False
 
@@ -242,9 +260,7 @@ def finish(state: State, outcomes: Outcome, parameters: Parameters) -> int:
         if advance(s, outcomes[found], p, m):
             found += 1
     if s.candidate >= 0:
-        swung = s.peak_speed_m_s > p.moving_speed_m_s
-        kind = STRIDE if swung else STANDING
-        close_stride(s, outcomes[found], p, s.filtered, s.candidate, kind)
+        close_at_candidate(s, outcomes[found], p, s.filtered)
         found += 1
     return found
 

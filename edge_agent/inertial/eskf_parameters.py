@@ -47,7 +47,7 @@ class EskfParameters(NamedTuple):
     # Which of them the filter believes: by innovation, by speed, or because it has waited long.
     gate_innovation: float = 36.0
     gate_speed_m_s: float = 0.25
-    gate_strong_timeout_s: float = 0.5
+    gate_strong_timeout_s: float = 1.0  # a crawling boot slides evenly for longer than half that
     gate_deep_timeout_s: float = 0.7
 
     widest: float = 100.0
