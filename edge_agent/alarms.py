@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 from edge_agent.confidence import confidence_of
+from edge_agent.mounts.intake import LARGEST_READING
 from shared.maths.rotations import Vector3, angle_between_rad
 from shared.messages import AlarmKind, AlarmPhase, ImuSample
 from shared.units import NS_PER_S
@@ -83,11 +84,11 @@ class AlarmWatch:
     def take_sample(self, sample: ImuSample) -> list[AlarmEvent]:
         """Take in a sample; return what it raises or cancels.
 
-        One that is not finite, or not later than the last, is passed over.
+        One that no sensor can have read, or that is not later than the last, is passed over.
         """
         force_m_s2 = math.hypot(*sample.force_m_s2)
         stillness, now_ns = self._stillness, sample.time_ns
-        if not force_m_s2 < math.inf or not stillness.take(sample):
+        if not force_m_s2 <= LARGEST_READING or not stillness.take(sample):
             return []
         self._fall.take(now_ns, force_m_s2, stillness, self.flat)
         if stillness.still_since_ns == now_ns:
@@ -148,7 +149,7 @@ class _Stillness:
         wx, wy, wz = sample.rate_rad_s
         rate2 = wx * wx + wy * wy + wz * wz
         now_ns, last_ns, settings = sample.time_ns, self._last_ns, self._settings
-        if not rate2 < math.inf or (last_ns is not None and now_ns <= last_ns):
+        if not rate2 <= LARGEST_READING**2 or (last_ns is not None and now_ns <= last_ns):
             return False
         self._last_ns = now_ns
         if last_ns is None:

@@ -16,6 +16,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from edge_agent.mounts.intake import LARGEST_READING
 from edge_agent.mounts.interface import Faults, Increment
 from shared.messages import HealthLevel, ImuSample
 from shared.units import NS_PER_S
@@ -25,6 +26,11 @@ Array: TypeAlias = NDArray[np.float64]
 BLOCK_NS = NS_PER_S
 BLOCKS = 10
 STRIDES = 20
+BUNCHED_SHARE = 0.02
+"""More steps than this shorter than half the usual one: samples come in bunches."""
+
+SHORTEST_PERIOD_S = 0.0005
+"""No boot sensor is read faster."""
 
 
 class SelfCheckSettings(NamedTuple):
@@ -150,18 +156,15 @@ class SelfCheck:
         )
         values = chain.from_iterable((*one.force_m_s2, *one.rate_rad_s) for one in samples)
         readings = np.fromiter(values, np.float64, 6 * len(samples)).reshape(-1, 6)
-        readings = readings[np.isfinite(readings).all(axis=1)]
+        readings = readings[(np.abs(readings) <= LARGEST_READING).all(axis=1)]
         if not len(readings):
             readings = np.full((1, 6), np.nan)
-        step_s = np.diff([one.time_ns for one in samples]) / NS_PER_S
-        step_s = step_s[step_s > 0.0]
-        period_s = float(np.median(step_s)) if step_s.size else math.inf
-        lost = float(np.sum(np.maximum(np.round(step_s / period_s) - 1.0, 0.0)))
+        missing, rate_hz = _pace(np.diff([one.time_ns for one in samples]) / NS_PER_S)
         self._blocks.append(
             _Block(
                 len(samples),
-                lost,
-                1.0 / period_s,
+                missing,
+                rate_hz,
                 self._flat_tops(readings[:, :3], self._settings.high_m_s2),
                 self._flat_tops(readings[:, 3:], self._settings.high_rad_s),
                 readings.min(axis=0),
@@ -277,6 +280,20 @@ class SelfCheck:
         level = _level(lost_s / sum(strides), settings.no_stance)
         words = "Boot is rarely found at rest while moving: fasten the sensor tightly"
         return [_Finding(level, words)] if level else []
+
+
+def _pace(step_s: Array) -> tuple[float, float]:
+    """Return how many samples are missing between steps (n,) of time, and the rate in Hz.
+
+    Where they come in bunches, time stamps say when they arrived, and not which are missing.
+    """
+    step_s = step_s[step_s >= 0.0]
+    if not step_s.size or step_s.sum() == 0.0:
+        return 0.0, 0.0
+    usual_s = float(np.median(step_s))
+    if np.mean(step_s < max(0.5 * usual_s, SHORTEST_PERIOD_S)) > BUNCHED_SHARE:
+        return 0.0, step_s.size / float(step_s.sum())
+    return float(np.sum(np.maximum(np.round(step_s / usual_s) - 1.0, 0.0))), 1.0 / usual_s
 
 
 def _level(measure: float, limits: tuple[float, float]) -> HealthLevel | None:

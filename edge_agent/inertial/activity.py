@@ -55,8 +55,8 @@ class ActivitySettings(NamedTuple):
     drag_width_deg_s: float = 60.0
     shortest_drag_m: float = 0.3
     longest_drag_m: float = 0.75
-    fast_m_s: float = 1.35
-    run_m_s: float = 1.95
+    fast_m_s: float = 1.3
+    run_m_s: float = 1.9
     run_cycle_s: float = 0.9
     run_cycle_m_s2: float = 1.5
     """Each second that a stride is quicker than ``run_cycle_s`` lowers ``run_m_s`` by so much."""

@@ -109,6 +109,24 @@ def test_missing_samples_are_found() -> None:
     assert "10% of the boot sensor's readings" in worst(reports(thinned))[1]
 
 
+def test_samples_that_arrive_in_bunches_are_not_missing() -> None:
+    bunched = (
+        msgspec.structs.replace(one, time_ns=samples[-1].time_ns + index)
+        for samples in batched(walk(), 4)
+        for index, one in enumerate(samples)
+    )
+    assert worst(reports(bunched)) == ("ok", set())
+
+
+def batched(samples: Iterable[ImuSample], size: int) -> Iterator[list[ImuSample]]:
+    held: list[ImuSample] = []
+    for sample in samples:
+        held.append(sample)
+        if len(held) == size:
+            yield held
+            held = []
+
+
 def test_a_clock_set_back_is_found() -> None:
     samples = list(walk())
     early = [msgspec.structs.replace(one, time_ns=one.time_ns - 10**12) for one in samples]
@@ -158,6 +176,7 @@ def test_a_stream_that_stops_is_told_once_with_the_time_it_was_certain() -> None
 def test_real_sensors_are_sound(data_dir: Path) -> None:
     for name in (
         "foot_strides/walk_31",
+        "foot_strides/walk_40",
         "foot_vicon/2017-11-22-11-22-03",
         "foot_loops/xio_short_walk",
     ):
