@@ -101,7 +101,7 @@ def gaitmap() -> Method:
     def path(followed: Any) -> EstimatedPath:
         time_s, method = followed
         position_m = method.position_.to_numpy()[1:] * [1.0, -1.0, -1.0]
-        stances = method.zupts_[["start", "end"]].to_numpy()
+        stances = method.zupts_[["start", "end"]].to_numpy(dtype=np.intp)
         return EstimatedPath(time_s, position_m, time_s[np.minimum(stances, len(time_s) - 1)])
 
     return Method(prepare, follow, path)
