@@ -20,9 +20,12 @@ from command_post.fusion.track import Estimate
 from command_post.fusion.tracker import Tracker
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
+    Alarm,
+    AlarmKind,
     DapEstimate,
     DapInstallation,
     Message,
+    NodeHealth,
     NodeId,
     OdometryIncrement,
     ProximityEvent,
@@ -74,6 +77,20 @@ class Outgoing(NamedTuple):
     payload: bytes
 
 
+class RaisedAlarm(NamedTuple):
+    """What an alarm's newest message says, and when that phase was first heard of, post's clock."""
+
+    alarm: Alarm
+    heard_ns: int
+
+
+class LastMovement(NamedTuple):
+    """A responder's newest movement, and when it was heard, on the post's clock."""
+
+    increment: OdometryIncrement
+    heard_ns: int
+
+
 class Notice(NamedTuple):
     """A kind of refusal, when a node's input is refused for it the first time."""
 
@@ -96,6 +113,9 @@ class Incident:
         self._notices: list[Notice] = []
         self._keys: dict[str, Key] = {}
         self._heard_ns: dict[tuple[Role, str], int] = {}
+        self._alarms: dict[str, dict[AlarmKind, RaisedAlarm]] = {}
+        self._health: dict[str, NodeHealth] = {}
+        self._movements: dict[str, LastMovement] = {}
         self._time_line = TimeLine(settings.time_line)
         self._tracker = Tracker(settings.fusion)
         self._sequences: Counter[str] = Counter()
@@ -114,6 +134,21 @@ class Incident:
     def heard_ns(self) -> Mapping[tuple[Role, str], int]:
         """When each responder and DAP was last heard, on the post's clock."""
         return MappingProxyType(self._heard_ns)
+
+    @property
+    def alarms(self) -> Mapping[str, Mapping[AlarmKind, RaisedAlarm]]:
+        """The newest of each kind of alarm, by responder; ``cancelled`` ones are still there."""
+        return MappingProxyType(self._alarms)
+
+    @property
+    def health(self) -> Mapping[str, NodeHealth]:
+        """What each responder's unit last said of its sensor."""
+        return MappingProxyType(self._health)
+
+    @property
+    def movements(self) -> Mapping[str, LastMovement]:
+        """The newest movement heard of each responder."""
+        return MappingProxyType(self._movements)
 
     @property
     def counts(self) -> Counter[str]:
@@ -165,8 +200,28 @@ class Incident:
             self._refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
         else:
             self._heard_ns[node] = now_ns
+            self._keep(key.node_id, message, now_ns)
             if key.topic in _FUSED:
                 self._time_line.put(Event(key, message), now_ns)
+
+    def _keep(self, node_id: str, message: Message, now_ns: int) -> None:
+        """Keep the newest of what is told and not fused: at once, for an alarm waits for nobody."""
+        match message:
+            case Alarm():
+                of_node = self._alarms.setdefault(node_id, {})
+                known = of_node.get(message.kind)
+                if known is None or _is_newer(message, known.alarm):
+                    goes_on = known is not None and known.alarm.phase == message.phase
+                    heard_ns = known.heard_ns if known is not None and goes_on else now_ns
+                    of_node[message.kind] = RaisedAlarm(message, heard_ns)
+            case NodeHealth():
+                said = self._health.get(node_id)
+                if said is None or _is_newer(message, said):
+                    self._health[node_id] = message
+            case OdometryIncrement():
+                last = self._movements.get(node_id)
+                if last is None or _is_newer(message, last.increment):
+                    self._movements[node_id] = LastMovement(message, now_ns)
 
     def _refuse(self, reason: str, node_id: str, detail: str) -> None:
         kind = (reason, node_id)
@@ -233,6 +288,16 @@ class Incident:
     def _outgoing(self, message: Message, topic: str) -> Outgoing:
         key = Key(self.settings.incident, "post", self.settings.post_id, topic)
         return Outgoing(str(key), encode(message))
+
+
+def _is_newer(message: Message, known: Message) -> bool:
+    """Whether ``message`` was sent after ``known``, of the same key.
+
+    A sender that begins anew numbers from 0 again, one whose clock is set back counts on: either
+    order is believed, for what is neither later nor further is a repeat.
+    """
+    later = message.event_time_ns > known.event_time_ns
+    return later or message.sequence > known.sequence
 
 
 def _node_of(key_text: str) -> str:

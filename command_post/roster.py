@@ -11,8 +11,8 @@ from msgspec import Meta
 from command_post.confidence import radii95_m
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
-from command_post.incident import Incident
-from shared.messages import LocalPosition
+from command_post.incident import Incident, LastMovement, RaisedAlarm
+from shared.messages import Activity, Alarm, AlarmKind, LocalPosition, NodeHealth
 from shared.topics import Role
 from shared.units import NS_PER_S
 
@@ -21,11 +21,31 @@ DapStatus: TypeAlias = Literal["installed", "not_installed", "lost"]
 Seconds: TypeAlias = Annotated[float, Meta(gt=0.0, le=1e5)]
 
 
+SURE_ENOUGH = 0.5
+"""A less confident activity is not shown."""
+
+_ACTIVITIES: dict[Activity, str] = {
+    "stand": "standing",
+    "walk": "walking",
+    "fast": "walking fast",
+    "run": "running",
+    "side_step": "stepping aside",
+    "crawl": "crawling",
+    "stairs_up": "going upstairs",
+    "stairs_down": "going downstairs",
+    "ladder": "on a ladder",
+}
+
+
 class RosterSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How long a DAP ties a track (``tied_s``), and how long silence is no loss (``lost_s``)."""
+    """How long a DAP ties a track (``tied_s``), and how long silence is no loss (``lost_s``).
+
+    Who has not moved for ``still_s`` stands still.
+    """
 
     tied_s: Seconds = 60.0
     lost_s: Seconds = 10.0
+    still_s: Seconds = 5.0
 
 
 class ResponderRow(NamedTuple):
@@ -33,6 +53,8 @@ class ResponderRow(NamedTuple):
 
     Ages are seconds on the post's clock, ``None`` for never. ``position`` is ``None`` for
     ``no_track``: heard, and not started. ``reason`` says in words why ``status`` is what it is.
+    ``alarm`` is the worst that stands, the newest of equals; ``activity`` what they do, in words,
+    if that is known now; ``fault`` the worst that their unit finds wrong with its sensor.
     """
 
     responder_id: str
@@ -42,6 +64,9 @@ class ResponderRow(NamedTuple):
     radii95_m: tuple[float, float] | None
     heard_age_s: float | None
     proximity_age_s: float | None
+    alarm: Alarm | None
+    activity: str | None
+    fault: str | None
 
 
 class DapRow(NamedTuple):
@@ -57,7 +82,7 @@ class DapRow(NamedTuple):
 
 
 class Roster(NamedTuple):
-    """Everybody and every DAP at ``now_ns``, in the order of their ids."""
+    """Everybody and every DAP at ``now_ns``: those with an alarm first, then by their ids."""
 
     now_ns: int
     responders: tuple[ResponderRow, ...]
@@ -77,12 +102,13 @@ def make_roster(
     """
     view = _View(incident.heard_ns, now_ns, settings, alive)
     estimates, daps = incident.estimates, incident.daps
+    responders = [
+        _responder_row(responder_id, estimates.get(responder_id), incident, view)
+        for responder_id in sorted(view.heard("responder") | estimates.keys())
+    ]
     return Roster(
         now_ns,
-        tuple(
-            _responder_row(responder_id, estimates.get(responder_id), view)
-            for responder_id in sorted(view.heard("responder") | estimates.keys())
-        ),
+        tuple(sorted(responders, key=lambda row: row.alarm is None)),
         tuple(
             _dap_row(dap_id, daps.get(dap_id), view)
             for dap_id in sorted(view.heard("dap") | daps.keys())
@@ -117,7 +143,9 @@ class _View(NamedTuple):
         return None
 
 
-def _responder_row(responder_id: str, estimate: Estimate | None, view: _View) -> ResponderRow:
+def _responder_row(
+    responder_id: str, estimate: Estimate | None, incident: Incident, view: _View
+) -> ResponderRow:
     tied_age_s = view.age_s(estimate.last_proximity_time_ns) if estimate else None
     status, reason = _responder_status(responder_id, estimate, tied_age_s, view)
     return ResponderRow(
@@ -128,7 +156,35 @@ def _responder_row(responder_id: str, estimate: Estimate | None, view: _View) ->
         radii95_m=radii95_m(estimate.covariance_m2) if estimate else None,
         heard_age_s=view.heard_age_s("responder", responder_id),
         proximity_age_s=tied_age_s,
+        alarm=_standing_alarm(incident.alarms.get(responder_id, {})),
+        activity=(
+            None if status == "lost" else _activity(incident.movements.get(responder_id), view)
+        ),
+        fault=_fault(incident.health.get(responder_id)),
     )
+
+
+def _standing_alarm(raised: Mapping[AlarmKind, RaisedAlarm]) -> Alarm | None:
+    """Return the worst alarm that is not over, the newest of equals."""
+    standing = [one for one in raised.values() if one.alarm.phase != "cancelled"]
+    if not standing:
+        return None
+    return max(standing, key=lambda one: (one.alarm.phase == "alarm", one.heard_ns)).alarm
+
+
+def _activity(last: LastMovement | None, view: _View) -> str | None:
+    if last is None:
+        return None
+    age_s = view.age_s(last.heard_ns)
+    if age_s is not None and age_s > view.settings.still_s:
+        return "standing still"
+    increment = last.increment
+    sure = increment.activity_confidence >= SURE_ENOUGH
+    return _ACTIVITIES.get(increment.activity) if sure else None
+
+
+def _fault(health: NodeHealth | None) -> str | None:
+    return health.findings[0] if health is not None and health.findings else None
 
 
 def _responder_status(

@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from command_post.roster import DapRow, ResponderRow, Roster
+from shared.messages import AlarmPhase
 
 _STYLES = {
     "tracking": "green",
@@ -17,6 +18,12 @@ _STYLES = {
     "lost": "bold red",
 }
 
+_ALARMS: dict[AlarmPhase, tuple[str, str]] = {
+    "alarm": ("bold white on red", ""),
+    "pre_alarm": ("bold red", " soon"),
+}
+"""Of an alarm that stands: its style, and what is added to its name."""
+
 
 def roster_table(roster: Roster) -> Table:
     """Return the roster: responders, then DAPs."""
@@ -26,17 +33,34 @@ def roster_table(roster: Roster) -> Table:
         table.add_column(heading, justify="right", min_width=7, no_wrap=True)
     table.add_column("status", min_width=30)
     for responder in roster.responders:
-        table.add_row(responder.responder_id, *_row(responder))
+        table.add_row(responder.responder_id, *_row(responder, _responder_status(responder)))
     table.add_section()
     for dap in roster.daps:
-        table.add_row(dap.dap_id, *_row(dap))
+        table.add_row(dap.dap_id, *_row(dap, _status(dap)))
     return table
 
 
-def _row(row: ResponderRow | DapRow) -> tuple[str | Text, ...]:
-    """Return place, the longer half-axis of the 95 % ellipse, age and status with its reason."""
+def _responder_status(row: ResponderRow) -> Text:
+    """Return what is to be known of a responder, in the order in which it matters."""
+    parts = []
+    if row.alarm is not None:
+        style, stage = _ALARMS[row.alarm.phase]
+        parts.append(Text(f"{row.alarm.kind.upper()}{stage}", style) + f": {row.alarm.reason}")
+    parts.append(_status(row))
+    if row.activity is not None:
+        parts.append(Text(row.activity))
+    if row.fault is not None:
+        parts.append(Text(row.fault, "yellow"))
+    return Text("; ").join(parts)
+
+
+def _status(row: ResponderRow | DapRow) -> Text:
+    return Text(row.status.replace("_", " "), _STYLES[row.status]) + Text(f": {row.reason}")
+
+
+def _row(row: ResponderRow | DapRow, status: Text) -> tuple[str | Text, ...]:
+    """Return place, the longer half-axis of the 95 % ellipse, age and status."""
     age = "" if row.heard_age_s is None else f"{row.heard_age_s:.0f} s"
-    status = Text(row.status.replace("_", " "), _STYLES[row.status]) + Text(f": {row.reason}")
     if row.position is None or row.radii95_m is None:
         return "", "", "", "", age, status
     position, radius_m = row.position, row.radii95_m[0]

@@ -9,20 +9,28 @@ from __future__ import annotations
 import math
 from itertools import chain
 
+from edge_agent.alarms import AlarmEvent, AlarmWatch
+from edge_agent.inertial.activity import ActivityClassifier
 from edge_agent.mounts.interface import Increment, Mount
+from edge_agent.self_check import HealthReport, SelfCheck
 from edge_agent.sources.opening import Reading, TruePlace
 from shared.messages import (
+    Alarm,
+    AlarmKind,
     ImuBatch,
     ImuSample,
     LocalPosition,
+    NodeHealth,
     OdometryIncrement,
     TrackStart,
     Truth,
     Vector3,
 )
 from shared.sender import Sender
+from shared.units import NS_PER_S
 
 IMU_BATCH_S = 0.25
+ALARM_REPEAT_NS = 5 * NS_PER_S
 
 
 class Agent:
@@ -46,6 +54,12 @@ class Agent:
         self._method = method
         self._start = start
         self._sends_imu = sends_imu
+        self._classifier = ActivityClassifier()
+        self._alarm_watch = AlarmWatch()
+        self._self_check = SelfCheck(mount.faults)
+        self._standing: dict[AlarmKind, tuple[AlarmEvent, int]] = {}
+        """The alarms that stand, and when each was last said."""
+
         self._batch: list[ImuSample] = []
         self._told_sd_rad: float | None = None
         self._moved = False
@@ -57,7 +71,17 @@ class Agent:
         if isinstance(reading, TruePlace):
             self._send_truth(reading)
         else:
+            self.pass_time(reading.time_ns)
             self._take_sample(reading)
+
+    def pass_time(self, now_ns: int) -> None:
+        """Note that it is ``now_ns``, with no sample until then.
+
+        It may be called as often as one likes: what is sent is the same, and only sooner.
+        """
+        report = self._self_check.pass_time(now_ns)
+        if report is not None:
+            self._send_health(report)
 
     def finish(self) -> None:
         """Send what is still held: no more samples will come."""
@@ -69,7 +93,9 @@ class Agent:
     def _take_sample(self, sample: ImuSample) -> None:
         if self._sends_imu:
             self._record(sample)
+        self._classifier.take_sample(sample)
         increment = self._mount.step(sample)
+        self._watch(sample)
         # The first heading gets better, or doubtful, as long as the wearer stands.
         if not self._moved and self._mount.ready:
             heading_sd_rad = self._mount.heading_sd_rad
@@ -80,6 +106,21 @@ class Agent:
         if increment is not None:
             self._moved = True
             self._send_increment(increment)
+
+    def _watch(self, sample: ImuSample) -> None:
+        """Send the alarms and the findings that a sample gives rise to."""
+        for event in self._alarm_watch.take_sample(sample):
+            self._standing.pop(event.kind, None)
+            if event.phase != "cancelled":
+                self._standing[event.kind] = (event, sample.time_ns)
+            self._send_alarm(event)
+        for kind, (event, said_ns) in self._standing.items():
+            if sample.time_ns - said_ns >= ALARM_REPEAT_NS:
+                self._standing[kind] = (event, sample.time_ns)
+                self._send_alarm(event)
+        report = self._self_check.take_sample(sample)
+        if report is not None:
+            self._send_health(report)
 
     def _send_truth(self, place: TruePlace) -> None:
         north_m, east_m, down_m = place.position_m
@@ -114,6 +155,9 @@ class Agent:
 
     def _send_increment(self, increment: Increment) -> None:
         d_north_m, d_east_m, d_down_m = increment.displacement_m
+        activity = self._classifier.take_increment(increment)
+        self._alarm_watch.flat = self._classifier.flat
+        self._self_check.take_increment(increment)
         self._sender.send(
             OdometryIncrement(
                 event_time_ns=increment.end_time_ns,
@@ -126,6 +170,30 @@ class Agent:
                 heading_rad=increment.heading_rad,
                 covariance=increment.covariance,
                 mount="boot",
+                activity=activity.activity,
+                activity_confidence=activity.confidence,
+            )
+        )
+
+    def _send_alarm(self, event: AlarmEvent) -> None:
+        self._sender.send(
+            Alarm(
+                event_time_ns=event.time_ns,
+                sequence=self._sender.next_sequence(Alarm),
+                kind=event.kind,
+                phase=event.phase,
+                confidence=event.confidence,
+                reason=event.reason,
+            )
+        )
+
+    def _send_health(self, report: HealthReport) -> None:
+        self._sender.send(
+            NodeHealth(
+                event_time_ns=report.time_ns,
+                sequence=self._sender.next_sequence(NodeHealth),
+                level=report.level,
+                findings=report.findings,
             )
         )
 

@@ -33,6 +33,18 @@ Vector3: TypeAlias = tuple[float, float, float]
 
 Mount: TypeAlias = Literal["boot"]
 
+Activity: TypeAlias = Literal[
+    "unknown", "stand", "walk", "fast", "run", "side_step", "crawl", "stairs_up", "stairs_down",
+    "ladder",
+]  # fmt: skip
+"""What a wearer does over an increment. Lying still and falling are alarms, not movements."""
+
+AlarmKind: TypeAlias = Literal["motionless", "fall"]
+AlarmPhase: TypeAlias = Literal["pre_alarm", "alarm", "cancelled"]
+HealthLevel: TypeAlias = Literal["ok", "warning", "fault"]
+Words: TypeAlias = Annotated[str, Meta(min_length=1, max_length=200)]
+Confidence: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
+
 
 class ImuSample(msgspec.Struct, frozen=True, gc=False):
     """One reading of an inertial sensor, as a source hands it to a mount. Not a wire message.
@@ -86,7 +98,8 @@ class OdometryIncrement(Message, frozen=True, kw_only=True):
 
     A boot gives one a stride. The agent's north is off from the incident's by a heading offset
     that the fusion finds. ``event_time_ns`` ends the movement, ``start_time_ns`` begins it;
-    ``heading_rad`` is the agent's heading at its end. ``covariance`` is the upper triangle, row
+    ``heading_rad`` is the agent's heading at its end; ``activity`` is what the wearer did, as
+    sure as ``activity_confidence``. ``covariance`` is the upper triangle, row
     by row, of that of (d_north, d_east, d_down, d_heading): m², m·rad, rad².
     """
 
@@ -101,6 +114,31 @@ class OdometryIncrement(Message, frozen=True, kw_only=True):
         Covariance, Covariance, Covariance, Covariance, Covariance,
     ]  # fmt: skip
     mount: Mount
+    activity: Activity = "unknown"
+    activity_confidence: Confidence = 0.0
+
+
+class Alarm(Message, frozen=True, kw_only=True):
+    """An alarm of a responder's unit begins, gets worse, goes on, or is over.
+
+    An alarm that stands is said again every few seconds, with the time at which its phase began
+    in ``event_time_ns``; ``cancelled`` ends it.
+    """
+
+    kind: AlarmKind
+    phase: AlarmPhase
+    confidence: Confidence
+    reason: Words
+
+
+class NodeHealth(Message, frozen=True, kw_only=True):
+    """What a unit finds wrong with its own sensor, in words for who wears it; worst first.
+
+    ``level`` is that of the worst finding, ``ok`` without any.
+    """
+
+    level: HealthLevel
+    findings: Annotated[tuple[Words, ...], Meta(max_length=16)]
 
 
 class ImuBatch(Message, frozen=True, kw_only=True):

@@ -10,11 +10,13 @@ import re
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from shared.messages import (
+    Alarm,
     DapEstimate,
     DapInstallation,
     ExerciseStart,
     ImuBatch,
     Message,
+    NodeHealth,
     OdometryIncrement,
     ProximityEvent,
     RssiReport,
@@ -50,6 +52,8 @@ TOPICS: dict[str, Topic] = {
     for topic in (
         Topic("start", TrackStart, ("responder",), 0.0, "high", True),
         Topic("increment", OdometryIncrement, ("responder",), 1.0, "high", True),
+        Topic("alarm", Alarm, ("responder",), 0.0, "high", True),
+        Topic("health", NodeHealth, ("responder",), 0.1, "data", True),
         Topic("imu", ImuBatch, ("responder",), 4.0, "low", True),
         Topic("rssi", RssiReport, ("dap",), 20.0, "low", True),
         Topic("proximity", ProximityEvent, ("dap",), 1.0, "high", True),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Annotated
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, NamedTuple
 
 import msgspec
 import structlog
@@ -11,7 +13,10 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import Progress
 
-from edge_agent.commands.score_tables import print_tables
+from edge_agent.commands.score_tables import print_degraded, print_tables
+from edge_agent.commands.track_picture import draw_trial
+from edge_agent.evaluation.degradation import DEGRADATIONS, Degradation
+from edge_agent.evaluation.estimate import estimated_path
 from edge_agent.evaluation.score_card import (
     ScoreCard,
     TrialScore,
@@ -20,16 +25,37 @@ from edge_agent.evaluation.score_card import (
     score_trial,
 )
 from edge_agent.mounts.interface import Increment
-from edge_agent.mounts.methods import MethodName, MountName, make_mount
+from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, MountName, make_mount
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.trials import Trial, TrialData, find_trials
 from shared.config import ConfigError
 from shared.maths.statistics import Summary
 from shared.process import ExitCode
+from shared.simulation.chance import generator
 
 _log = structlog.stdlib.get_logger(__name__)
 
-SAMPLES_A_TICK = 2000
+
+class _Setup(NamedTuple):
+    """What is scored, and how: the same for every trial."""
+
+    mount: MountName
+    method: MethodName
+    seed: int
+    degradations: Mapping[str, Degradation]
+    plot: Path | None
+
+    @property
+    def title(self) -> str:
+        return f"{self.mount}, {self.method}"
+
+
+class _Outcome(NamedTuple):
+    """A trial's row, its row by degradation, and what the exit code must be at least."""
+
+    row: TrialScore
+    degraded: dict[str, TrialScore]
+    code: ExitCode
 
 
 def evaluate(
@@ -37,8 +63,10 @@ def evaluate(
     /,
     *,
     mount: MountName = "boot",
-    method: MethodName = "linear",
+    method: MethodName = DEFAULT_METHOD,
     seed: int = 0,
+    degrade: Annotated[bool, Parameter(negative="")] = False,
+    plot: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Score a mount's method on recordings whose truth is known, trial by trial and set by set.
@@ -57,77 +85,114 @@ def evaluate(
     method
         How the mount reads it.
     seed
-        Of the simulated scenarios' walks and sensors.
+        Of the simulated scenarios' walks and sensors, and of what a degradation leaves to chance.
+    degrade
+        Score every trial again from a worse sensor, one fault at a time: lower rates and ranges,
+        bias, scale, clock, noise, lost samples, gaps.
+    plot
+        Folder for a picture of each trial: track beside truth, and each stride's error.
     json
         Print the score card as one JSON object.
 
     """
     try:
         trials = [trial for where in paths for trial in find_trials(where, seed)]
-    except (SourceError, ConfigError) as error:
+        if plot is not None:
+            plot.mkdir(parents=True, exist_ok=True)
+    except (SourceError, ConfigError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
-    scored = list(_score(trials, mount, method))
-    card = score_card(row for row, _ in scored)
+    setup = _Setup(mount, method, seed, DEGRADATIONS if degrade else {}, plot)
+    outcomes = list(_score(trials, setup))
+    card = score_card(outcome.row for outcome in outcomes)
+    degraded = {
+        name: score_card(outcome.degraded[name] for outcome in outcomes)
+        for name in setup.degradations
+    }
     if json:
-        print(_as_json(card))  # noqa: T201
+        print(_as_json(card, degraded))  # noqa: T201
     else:
-        print_tables(card, f"{mount}, {method}")
-    return max(code for _, code in scored)
+        print_tables(card, setup.title)
+        if degraded:
+            print_degraded({"as recorded": card, **degraded}, setup.title)
+    return max(outcome.code for outcome in outcomes)
 
 
-def _as_json(card: ScoreCard) -> str:
-    sets = {
+def _as_json(card: ScoreCard, degraded: Mapping[str, ScoreCard]) -> str:
+    told: dict[str, object] = {"trials": card.trials, "sets": _plain(card)}
+    if degraded:
+        told["degraded"] = {name: _plain(worse) for name, worse in degraded.items()}
+    return msgspec.json.format(msgspec.json.encode(told)).decode()
+
+
+def _plain(card: ScoreCard) -> dict[str, dict[str, object]]:
+    return {
         name: {
             what: value._asdict() if isinstance(value, Summary) else value
             for what, value in summaries.items()
         }
         for name, summaries in card.sets.items()
     }
-    return msgspec.json.format(msgspec.json.encode({"trials": card.trials, "sets": sets})).decode()
 
 
-def _score(
-    trials: Sequence[Trial], mount: MountName, method: MethodName
-) -> Iterator[tuple[TrialScore, ExitCode]]:
+def _score(trials: Sequence[Trial], setup: _Setup) -> Iterator[_Outcome]:
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         overall = progress.add_task("trials", total=len(trials))
         for trial in trials:
             progress.update(overall, description=f"{trial.group} {trial.name}")
-            yield _score_one(trial, mount, method, progress)
+            yield _score_one(trial, setup)
             progress.advance(overall)
 
 
-def _score_one(
-    trial: Trial, mount: MountName, method: MethodName, progress: Progress
-) -> tuple[TrialScore, ExitCode]:
-    """Return a trial's row, whatever happens, and what the exit code must be at least."""
+def _score_one(trial: Trial, setup: _Setup) -> _Outcome:
+    """Return a trial's rows, whatever happens, and what the exit code must be at least."""
     try:
         data = trial.load()
     except SourceError as error:
         _log.error(str(error))
-        return failed_trial(trial.name, trial.group, None, str(error)), ExitCode.USAGE
+        row = failed_trial(trial.name, trial.group, None, str(error))
+        return _Outcome(row, dict.fromkeys(setup.degradations, row), ExitCode.USAGE)
+    row, code = _score_data(trial, data, setup, setup.plot)
+    degraded = {}
+    for name, degradation in setup.degradations.items():
+        chance = generator(setup.seed, "degradation", name, trial.group, trial.name)
+        try:
+            worse = TrialData(*degradation.apply(data.samples, data.truth, chance))
+        except ValueError as error:
+            degraded[name] = failed_trial(trial.name, trial.group, data.truth, str(error))
+            continue
+        worse_row, worse_code = _score_data(trial, worse, setup, None)
+        # Sets go by the true speed, which a wrong clock changes.
+        degraded[name] = msgspec.structs.replace(worse_row, set=row.set)
+        code = max(code, worse_code)
+    return _Outcome(row, degraded, code)
+
+
+def _score_data(
+    trial: Trial, data: TrialData, setup: _Setup, plot: Path | None
+) -> tuple[TrialScore, ExitCode]:
     try:
-        increments = _follow(data, mount, method, progress)
+        increments, elapsed_s = _follow(data, setup)
     except Exception as error:  # a trial that breaks the mount is a row of the card as well
         _log.exception("the mount failed", trial=trial.name)
         failure = f"{type(error).__name__}: {error}"
         return failed_trial(trial.name, trial.group, data.truth, failure), ExitCode.FAILURE
-    return score_trial(trial.name, trial.group, increments, data.truth), ExitCode.OK
+    row = score_trial(trial.name, trial.group, increments, data.truth)
+    if plot is not None and row.failure is None:
+        file = plot / f"{row.set}_{row.name}.png".replace("/", "_")
+        title = f"{row.set} {row.name} ({setup.title})"
+        draw_trial(estimated_path(increments), data.truth, title, file)
+    samples_per_s = len(data.samples) / elapsed_s
+    return msgspec.structs.replace(row, samples_per_s=samples_per_s), ExitCode.OK
 
 
-def _follow(
-    data: TrialData, mount: MountName, method: MethodName, progress: Progress
-) -> list[Increment]:
-    worn = make_mount(mount, method)
-    task = progress.add_task("samples", total=data.sample_count)
-    increments = []
-    for number, sample in enumerate(data.samples):
-        increment = worn.step(sample)
-        if increment is not None:
-            increments.append(increment)
-        if number % SAMPLES_A_TICK == 0:
-            progress.update(task, completed=number)
-    progress.remove_task(task)
-    return increments + worn.finish()
+def _follow(data: TrialData, setup: _Setup) -> tuple[list[Increment], float]:
+    """Return what a new mount makes of the samples, and how long it alone took for that (s)."""
+    samples = list(data.samples)
+    mount = make_mount(setup.mount, setup.method)
+    began_s = perf_counter()
+    told = [mount.step(sample) for sample in samples]
+    left = mount.finish()
+    elapsed_s = perf_counter() - began_s
+    return [increment for increment in told if increment is not None] + left, elapsed_s

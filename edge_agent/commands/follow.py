@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.progress import track
 
 from edge_agent.agent import Agent
-from edge_agent.mounts.methods import MethodName, make_mount
-from edge_agent.sources.opening import Reading, open_source
+from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
+from edge_agent.sources.opening import Reading, Source, open_source
 from edge_agent.sources.recording import SourceError
 from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh
@@ -31,6 +31,8 @@ DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
 LINK_POLL_S = 0.05
 WAIT_AHEAD_NS = 10_000_000
 """Samples this close together are taken without a wait between them."""
+TICK_NS = 500_000_000
+"""While no sample comes, the agent is told this often how late it is."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -40,7 +42,7 @@ def run(
     responder_id: Annotated[str, Parameter(name="--id")],
     source: str,
     incident: str = "incident",
-    method: MethodName = "linear",
+    method: MethodName = DEFAULT_METHOD,
     connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
     start: tuple[float, float, float] | None = None,
     speed: float = 1.0,
@@ -83,17 +85,12 @@ def run(
         check_id(incident, "--incident")
         check_id(responder_id, "--id")
         opened = open_source(source, responder_id, seed)
+        mount = make_mount("boot", method)
         with stop_on_signals() as stop, open_zenoh("client", connect=connect) as bus:
             if with_parent:
                 stop_with_parent(stop)
             sender = Sender(bus, incident, "responder", responder_id)
-            agent = Agent(
-                sender,
-                make_mount("boot", method),
-                method,
-                _place(start) or opened.start,
-                sends_imu=imu,
-            )
+            agent = Agent(sender, mount, method, _place(start) or opened.start, sends_imu=imu)
             bus.answer(sender.key(TrackStart), lambda: agent.start_payload)
             bus.declare_alive(alive_key(incident, "responder", responder_id))
             _await_link(bus, stop)
@@ -116,7 +113,14 @@ def run(
     return ExitCode.OK
 
 
-def rehearse(scenario: str, *, seeds: str = "1", output: Path, imu: bool = True) -> int:
+def rehearse(
+    scenario: str,
+    *,
+    seeds: str = "1",
+    method: MethodName = DEFAULT_METHOD,
+    output: Path,
+    imu: bool = True,
+) -> int:
     """Follow all responders of a scenario offline, and write what they would have published.
 
     Leaves a wire log for each responder, OUTPUT/SEED/RESPONDER.wire. Example: edge-agent rehearse
@@ -128,6 +132,8 @@ def rehearse(scenario: str, *, seeds: str = "1", output: Path, imu: bool = True)
         A packaged scenario's name, or a TOML file.
     seeds
         One seed, or the first and the last: 0-9.
+    method
+        How the boot's sensor is read.
     output
         Folder for the logs.
     imu
@@ -141,7 +147,8 @@ def rehearse(scenario: str, *, seeds: str = "1", output: Path, imu: bool = True)
         for seed, responder_id in track(
             jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
         ):
-            _rehearse(scenario, responder_id, seed, output / str(seed), sends_imu=imu)
+            source = open_source(f"simulated:{scenario}", responder_id, seed)
+            _rehearse(source, responder_id, method, output / str(seed), sends_imu=imu)
     except (ConfigError, SourceError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
@@ -149,15 +156,14 @@ def rehearse(scenario: str, *, seeds: str = "1", output: Path, imu: bool = True)
 
 
 def _rehearse(
-    scenario: str, responder_id: NodeId, seed: int, folder: Path, *, sends_imu: bool
+    source: Source, responder_id: NodeId, method: MethodName, folder: Path, *, sends_imu: bool
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     clock = ManualClock(REHEARSAL_START_NS)
-    source = open_source(f"simulated:{scenario}", responder_id, seed)
     with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
         sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
-        mount = make_mount("boot", "linear")
-        agent = Agent(sender, mount, "linear", source.start, sends_imu=sends_imu)
+        mount = make_mount("boot", method)
+        agent = Agent(sender, mount, method, source.start, sends_imu=sends_imu)
         for reading in source.beginning_at(REHEARSAL_START_NS):
             clock.set_ns(reading.time_ns)
             agent.take(reading)
@@ -175,6 +181,10 @@ def _follow(agent: Agent, readings: Iterator[Reading], clock: Clock, stop: Event
     waited_ns = 0
     for reading in readings:
         if reading.time_ns >= waited_ns:
+            while reading.time_ns - clock.now_ns() > TICK_NS:
+                if not wait_until(clock, clock.now_ns() + TICK_NS, stop):
+                    return
+                agent.pass_time(clock.now_ns())
             if not wait_until(clock, reading.time_ns, stop):
                 return
             waited_ns = reading.time_ns + WAIT_AHEAD_NS

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from rich.console import Console
 from rich.table import Table
 
@@ -10,6 +12,9 @@ from shared.maths.statistics import Summary
 
 PIPED_WIDTH = 200
 """Columns when standard output is no terminal: nothing may be cut off."""
+
+WHOLE_FROM = 10_000.0
+"""Larger numbers are told without decimals."""
 
 _HEADINGS = {
     "distance_error_pct": "distance %",
@@ -21,24 +26,59 @@ _HEADINGS = {
     "heading_drift_deg_min": "drift °/min",
     "missed_stances_pct": "missed %",
     "false_stances_pct": "false %",
+    "coverage95_pct": "in ellipse %",
     "vertical_rmse_m": "height m",
     "vertical_end_error_m": "height end m",
     "closure_2d_m": "closure m",
     "closure_3d_m": "closure 3-D m",
+    "samples_per_s": "samples/s",
 }
+
+
+_DEGRADED_HEADINGS = {"distance_error_pct": "distance %", "end_error_pct": "end %"}
 
 
 def print_tables(card: ScoreCard, title: str) -> None:
     """Write the trials, the failures and the sets of ``card`` to standard output."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=PIPED_WIDTH)
+    console = _console()
     told = [metric for metric in METRICS if any(metric in row for row in card.sets.values())]
     console.print(_trials(card, told, title))
     for row in card.trials:
         if row.failure is not None:
             console.print(f"failed: {row.set} {row.name}: {row.failure}", markup=False)
     console.print(_sets(card, title))
+
+
+def print_degraded(cards: Mapping[str, ScoreCard], title: str) -> None:
+    """Write one table: a row a degradation, the median errors of each set of ``cards``."""
+    table = Table(title=f"Degraded, medians ({title})", title_justify="left")
+    table.add_column("degradation", no_wrap=True)
+    columns = [
+        (name, metric)
+        for name in sorted({name for card in cards.values() for name in card.sets})
+        for metric in _DEGRADED_HEADINGS
+        if any(metric in card.sets.get(name, {}) for card in cards.values())
+    ]
+    for name, metric in columns:
+        heading = f"{name}/{_DEGRADED_HEADINGS[metric]}".replace("/", "/\n")
+        table.add_column(heading, justify="right")
+    for degradation, card in cards.items():
+        table.add_row(degradation, *(_median(card, *column) for column in columns))
+    _console().print(table)
+
+
+def _console() -> Console:
+    console = Console()
+    return console if console.is_terminal else Console(width=PIPED_WIDTH)
+
+
+def _median(card: ScoreCard, name: str, metric: str) -> str:
+    """Return a set's median; with the trials that failed, which are not in it."""
+    summaries = card.sets[name]
+    summary = summaries.get(metric)
+    told = _told(summary.median) if isinstance(summary, Summary) else "none"
+    failed = summaries["failed"]
+    return f"{told} ({failed} failed)" if failed else told
 
 
 def _trials(card: ScoreCard, told: list[str], title: str) -> Table:
@@ -60,7 +100,9 @@ def _trials(card: ScoreCard, told: list[str], title: str) -> Table:
 
 
 def _told(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
+    if value is None:
+        return ""
+    return f"{value:.2f}" if abs(value) < WHOLE_FROM else f"{value:,.0f}"
 
 
 def _sets(card: ScoreCard, title: str) -> Table:

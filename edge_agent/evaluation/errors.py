@@ -11,6 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edge_agent.evaluation.estimate import EstimatedPath
 from edge_agent.evaluation.truth import Array, Truth
@@ -18,6 +19,9 @@ from edge_agent.evaluation.truth import Array, Truth
 FEWEST_STRIDES = 5
 STANCE_TOLERANCE_S = 0.2
 """A true stance is found when a detected one is no further from its instant; swings last longer."""
+
+PLACE_SHARE = 0.2
+"""Of a stride: nearer than this to where it begins or ends, the boot still stands there."""
 
 CLEAR_STRIDE_M = 0.3
 """Shorter strides have no clear direction, and no clear swing."""
@@ -107,12 +111,43 @@ def _directions_rad(position_m: Array) -> Array:
 
 
 def missed_stances_pct(path: EstimatedPath, truth: Truth) -> float:
-    """Return the share of true stances with no detected one within ``STANCE_TOLERANCE_S``."""
+    """Return the share of true stances that no detected one tells of.
+
+    One does within ``STANCE_TOLERANCE_S`` of the true instant; or, since the boot may stand for
+    long and a method may tell one instant of it alone, between the neighbouring true stances and,
+    in the estimate, within a fifth of the stride of where the boot stands at the true instant.
+    """
     begin_s, end_s = path.stances_s.T
     near = (begin_s <= truth.time_s[:, None] + STANCE_TOLERANCE_S) & (
         end_s >= truth.time_s[:, None] - STANCE_TOLERANCE_S
     )
-    return float(100.0 * np.mean(~near.any(axis=1)))
+    return float(100.0 * np.mean(~(near.any(axis=1) | _at_their_places(path, truth))))
+
+
+def _at_their_places(path: EstimatedPath, truth: Truth) -> NDArray[np.bool_]:
+    """Return which true stances (k,) have a detected one beside them that has not left the place.
+
+    At the place is nearer than a fifth of the true stride on that side of the instant.
+    """
+    middle_s = _middles_s(path)
+    stride = np.searchsorted(truth.time_s, middle_s) - 1
+    inside = (stride >= 0) & (stride < len(truth.time_s) - 1)
+    middle_s, stride = middle_s[inside], stride[inside]
+    margin_m = PLACE_SHARE * truth.stride_lengths_m[stride]
+    middle_m = path.at(middle_s)[:, :2]
+    ends_m = path.at(truth.time_s)[:, :2]
+    found = np.zeros(len(truth.time_s), dtype=np.bool_)
+    for stance in (stride, stride + 1):
+        distance_m = np.linalg.norm(middle_m - ends_m[stance], axis=1)
+        found[stance[distance_m <= margin_m]] = True
+    return found
+
+
+def _middles_s(path: EstimatedPath) -> Array:
+    """Return the middles of the detected stances that have a beginning and an end."""
+    finite = path.stances_s[np.isfinite(path.stances_s).all(axis=1)]
+    middles_s: Array = finite.mean(axis=1)
+    return middles_s
 
 
 def false_stances_pct(path: EstimatedPath, truth: Truth) -> float:
@@ -121,14 +156,13 @@ def false_stances_pct(path: EstimatedPath, truth: Truth) -> float:
     It does when it lies between the two true stances and leaves, in the estimate, at least a fifth
     of the stride on either side: a stance that flickers while the boot stands cuts nothing.
     """
-    finite = path.stances_s[np.isfinite(path.stances_s).all(axis=1)]
-    middle_s = finite.mean(axis=1)
+    middle_s = _middles_s(path)
     stood_m = path.at(middle_s)[:, :2]
     ends_m = path.at(truth.time_s)[:, :2]
     cut = []
     for stride in np.flatnonzero(truth.stride_lengths_m > CLEAR_STRIDE_M):
         inside = (middle_s > truth.time_s[stride]) & (middle_s < truth.time_s[stride + 1])
-        margin_m = 0.2 * truth.stride_lengths_m[stride]
+        margin_m = PLACE_SHARE * truth.stride_lengths_m[stride]
         from_m = np.linalg.norm(stood_m[inside] - ends_m[stride], axis=1)
         to_m = np.linalg.norm(stood_m[inside] - ends_m[stride + 1], axis=1)
         cut.append(bool(np.any((from_m > margin_m) & (to_m > margin_m))))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from edge_agent.evaluation.coverage import coverage95_pct
 from edge_agent.evaluation.errors import closure, stance_errors, vertical_errors
 from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
 from edge_agent.evaluation.truth import Truth
@@ -16,7 +17,8 @@ from shared.maths.statistics import Summary, summarise
 METRICS = (
     "distance_error_pct", "distance_3d_error_pct", "taped_error_pct", "stride_rmse_m", "ate_pct",
     "end_error_pct", "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct",
-    "vertical_rmse_m", "vertical_end_error_m", "closure_2d_m", "closure_3d_m",
+    "coverage95_pct", "vertical_rmse_m", "vertical_end_error_m", "closure_2d_m", "closure_3d_m",
+    "samples_per_s",
 )  # fmt: skip
 """The fields of ``TrialScore`` that a set sums up."""
 
@@ -37,8 +39,10 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     climbing as well, where the truth has height) is negative for a path that came out short,
     ``taped_error_pct`` compares all strides told, climbing included, with the length of the course
     as laid out with a tape: the paper's own figure. ``heading_drift_deg_min`` is positive for a
-    path that turns right, ``vertical_end_error_m`` for one that ends too low. ``failure`` says why
-    there is no score; the trial still counts.
+    path that turns right, ``vertical_end_error_m`` for one that ends too low. ``coverage95_pct``
+    is no error: 95 is what it should be. ``samples_per_s`` is what the mount alone took in, on the
+    machine and the day it was measured. ``failure`` says why there is no score; the trial still
+    counts.
     """
 
     name: str
@@ -55,10 +59,12 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     heading_drift_deg_min: float | None = None
     missed_stances_pct: float | None = None
     false_stances_pct: float | None = None
+    coverage95_pct: float | None = None
     vertical_rmse_m: float | None = None
     vertical_end_error_m: float | None = None
     closure_2d_m: float | None = None
     closure_3d_m: float | None = None
+    samples_per_s: float | None = None
     failure: str | None = None
 
 
@@ -95,7 +101,7 @@ def score_trial(
             name=name, set=group, n_strides=len(increments), **closure(path)._asdict()
         )
     try:
-        errors = _errors(set_of(group, truth), path, truth)
+        errors = _errors(set_of(group, truth), increments, path, truth)
     except ValueError as error:
         return failed_trial(name, group, truth, str(error))
     if truth.taped_m is not None:
@@ -104,13 +110,16 @@ def score_trial(
     return msgspec.structs.replace(_row(name, group, truth), **errors)
 
 
-def _errors(set_name: str, path: EstimatedPath, truth: Truth) -> dict[str, float | None]:
+def _errors(
+    set_name: str, increments: Sequence[Increment], path: EstimatedPath, truth: Truth
+) -> dict[str, float | None]:
     vertical = vertical_errors(path, truth)
     errors = {} if vertical is None else vertical._asdict()
     if set_name.endswith(f"/{IN_PLACE}"):
         errors.pop("distance_3d_error_pct", None)
     else:
         errors |= stance_errors(path, truth)._asdict()
+        errors["coverage95_pct"] = coverage95_pct(increments, path, truth)
     return {metric: value if math.isfinite(value) else None for metric, value in errors.items()}
 
 

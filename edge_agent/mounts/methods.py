@@ -6,17 +6,24 @@ from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 from edge_agent.mounts.boot import BootMount
+from edge_agent.mounts.boot_eskf import EskfBootMount
 from edge_agent.mounts.interface import Mount
 
 MountName: TypeAlias = Literal["boot"]
-MethodName: TypeAlias = Literal["linear"]
+MethodName: TypeAlias = Literal["eskf", "linear"]
 
-_MOUNTS: dict[tuple[MountName, MethodName], Callable[[], Mount]] = {("boot", "linear"): BootMount}
+DEFAULT_METHOD: MethodName = "eskf"
+
+_MOUNTS: dict[tuple[MountName, MethodName], Callable[[], Mount]] = {
+    ("boot", "eskf"): EskfBootMount,
+    ("boot", "linear"): BootMount,
+}
 
 
 def make_mount(mount: MountName, method: MethodName) -> Mount:
     """Return a new mount that reads a sensor worn as ``mount`` by ``method``.
 
-    ``linear``: linear-calibrated zero-velocity update, one increment a stride.
+    Both tell one increment a stride. ``eskf``: error-state filter smoothed over each stride, from
+    a crawl to a sprint. ``linear``: linear-calibrated zero-velocity update, as published.
     """
     return _MOUNTS[mount, method]()

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from edge_agent.evaluation.truth import Truth, truth_of_stances
 from edge_agent.sources.npz_set import read_npz_set
-from edge_agent.sources.recording import SourceError
+from edge_agent.sources.recording import Recording, SourceError
 from edge_agent.sources.vendor_csv import read_vendor_csv
-from shared.messages import ImuSample
 from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.simulation.walker import simulate_walk
+from shared.units import NS_PER_S
 
 SIMULATED = "simulated:"
 
 
 class TrialData(NamedTuple):
-    """Samples in order, how many they are, and where the boot really was, if that is known."""
+    """Samples in order, and where the boot really was, if that is known."""
 
-    samples: Iterable[ImuSample]
-    sample_count: int
+    samples: Recording
     truth: Truth | None
 
 
@@ -73,16 +74,17 @@ def _reader(path: Path) -> Callable[[Path], TrialData] | None:
 
 def _read_npz(path: Path) -> TrialData:
     recording, truth = read_npz_set(path)
-    return TrialData(recording, len(recording), truth)
+    return TrialData(recording, truth)
 
 
 def _read_csv(path: Path) -> TrialData:
-    recording = read_vendor_csv(path)
-    return TrialData(recording, len(recording), None)
+    return TrialData(read_vendor_csv(path), None)
 
 
 def _simulate(scenario: Scenario, responder: str, seed: int) -> TrialData:
     read = simulate_boot_imu(scenario, responder, seed)
     walk = simulate_walk(scenario, responder, seed)
     truth = truth_of_stances(walk.stance_time_s, walk.stance_position_m, scenario.taped_m)
-    return TrialData(read.samples(0), len(read.time_s), truth)
+    time_ns = np.rint(read.time_s * NS_PER_S).astype(np.int64)
+    recording = Recording(time_ns, read.force_m_s2, read.rate_rad_s, read.field_ut)
+    return TrialData(recording, truth)

@@ -117,6 +117,12 @@ def shortest(from_vector: Vector3, to_vector: Vector3) -> Quaternion:
     return (math.cos(half_rad), scale * x, scale * y, scale * z)
 
 
+def angle_between_rad(a: Vector3, b: Vector3) -> float:
+    """Return the angle, 0 to π, between two vectors of any length but zero."""
+    product = sum(x * y for x, y in zip(a, b, strict=True))
+    return math.acos(max(-1.0, min(1.0, product / (math.hypot(*a) * math.hypot(*b)))))
+
+
 def from_gravity(force_m_s2: Vector3, heading_rad: float = 0.0) -> Quaternion:
     """Return ``nav_from_body`` of a body at rest that reads ``force_m_s2``, turned to a heading.
 

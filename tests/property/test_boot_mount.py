@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edge_agent.mounts.boot import BootMount
+from edge_agent.mounts.methods import MethodName, make_mount
 from shared.codec import decode, encode
 from shared.messages import ImuSample, OdometryIncrement, Vector3
 from shared.topics import Key
@@ -38,14 +39,18 @@ def streams(draw: st.DrawFn) -> list[ImuSample]:
     return samples
 
 
-@given(streams())
-def test_any_stream_gives_only_increments_that_can_be_sent(samples: list[ImuSample]) -> None:
-    mount = BootMount()
+@pytest.mark.parametrize("method", ["eskf", "linear"])
+@given(samples=streams())
+def test_any_stream_gives_only_increments_that_can_be_sent(
+    method: MethodName, samples: list[ImuSample]
+) -> None:
+    mount = make_mount("boot", method)
+    increments = []
     for sample in samples:
         increment = mount.step(sample)
         assert math.isfinite(mount.heading_rad)
-        if increment is None:
-            continue
+        increments += [] if increment is None else [increment]
+    for increment in increments + mount.finish():
         assert increment.start_time_ns <= increment.end_time_ns
         north_m, east_m, down_m = increment.displacement_m
         message = OdometryIncrement(

@@ -15,7 +15,16 @@ from edge_agent.sources.recording import SourceError
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
 from shared.codec import Refusal, decode, parse_key
-from shared.messages import ImuBatch, ImuSample, Message, OdometryIncrement, TrackStart, Truth
+from shared.messages import (
+    Alarm,
+    ImuBatch,
+    ImuSample,
+    Message,
+    NodeHealth,
+    OdometryIncrement,
+    TrackStart,
+    Truth,
+)
 from shared.sender import Sender
 
 CORRIDOR = "corridor"
@@ -89,6 +98,43 @@ def test_a_sample_that_is_no_number_is_kept_out_of_the_record(
     agent.finish()
     batches = [m for m in messages(heard) if isinstance(m, ImuBatch)]
     assert sum(len(batch.time_ns) for batch in batches) == 180
+
+
+def test_strides_say_what_they_were(agent: Agent, heard: list[Received]) -> None:
+    walk(agent)
+    strides = [m for m in messages(heard) if isinstance(m, OdometryIncrement)]
+    walking = [m for m in strides if m.activity == "walk"]
+    assert len(walking) > 0.8 * len(strides)
+    assert all(m.activity_confidence > 0.5 for m in walking)
+
+
+def still(agent: Agent, from_s: float, to_s: float, rate_rad_s: float = 0.0) -> None:
+    for index in range(round(from_s * 100), round(to_s * 100)):
+        reading = ImuSample(10**18 + index * 10_000_000, (0.0, 0.0, -9.81), (rate_rad_s, 0.0, 0.0))
+        agent.take(reading)
+
+
+def test_an_alarm_goes_out_at_once_and_again_while_it_stands(
+    agent: Agent, heard: list[Received]
+) -> None:
+    still(agent, 0.0, 41.0)
+    still(agent, 41.0, 43.0, rate_rad_s=2.0)
+    alarms = [m for m in messages(heard) if isinstance(m, Alarm)]
+    assert [m.phase for m in alarms] == [*["pre_alarm"] * 2, *["alarm"] * 3, "cancelled"]
+    assert [(m.event_time_ns - 10**18) / 1e9 for m in alarms[:5]] == [20.0, 20.0, 30.0, 30.0, 30.0]
+    assert [m.sequence for m in alarms] == list(range(6))
+
+
+def test_a_stream_that_stops_is_a_fault_however_late_it_is_noticed(
+    agent: Agent, heard: list[Received]
+) -> None:
+    still(agent, 0.0, 5.0)
+    agent.pass_time(10**18 + 5 * 10**9)
+    still(agent, 65.0, 67.0)
+    faults = [m for m in messages(heard) if isinstance(m, NodeHealth) and m.level == "fault"]
+    stopped = [m for m in faults if "stopped sending" in m.findings[0]]
+    assert [m.event_time_ns for m in stopped] == [10**18 + 5_990_000_000]
+    assert not [m for m in messages(heard) if isinstance(m, Alarm)]
 
 
 def test_a_heading_found_late_starts_the_track_anew(agent: Agent, heard: list[Received]) -> None:

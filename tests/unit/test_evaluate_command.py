@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from edge_agent.__main__ import main
+from edge_agent.evaluation.degradation import DEGRADATIONS
 from edge_agent.mounts.boot import BootMount
 from shared.process import ExitCode
 from tests.synthetic_boot import SyntheticWalk
@@ -59,6 +60,70 @@ def test_json_has_trials_and_sets(
     assert trial["failure"] is None
     assert found["sets"]["drill"]["n"] == 1
     assert abs(found["sets"]["drill"]["ate_pct"]["median"]) < 0.1
+    assert trial["coverage95_pct"] == 100.0
+    assert trial["samples_per_s"] > 0.0
+    assert "degraded" not in found
+
+
+def test_degraded_trials_are_scored_set_by_set(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, folder, "--degrade", "--json", "--method", "linear") == ExitCode.OK
+    found = card(capsys)
+    assert list(found["degraded"]) == list(DEGRADATIONS)
+    assert len(found["trials"]) == 1
+    medians = {
+        name: sets["drill"]["distance_error_pct"]["median"]
+        for name, sets in found["degraded"].items()
+    }
+    # Linear calibration takes 1 % more force for 1 % more distance.
+    assert medians["accelerometer +1 %"] == pytest.approx(1.0, abs=0.2)
+    assert medians["clock +0.5 %"] == pytest.approx(1.0, abs=0.2)
+    assert medians["±8 g"] < 0.2
+    assert run(monkeypatch, folder, "--degrade", "--json", "--method", "linear") == ExitCode.OK
+    again = card(capsys)["degraded"]["5 % lost at random"]["drill"]
+    assert again["ate_pct"] == found["degraded"]["5 % lost at random"]["drill"]["ate_pct"]
+
+
+def test_the_degraded_table_names_every_degradation(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "torn.npz").write_bytes(b"torn")
+    assert run(monkeypatch, folder, "--degrade", "--method", "linear") == ExitCode.USAGE
+    out = capsys.readouterr().out
+    table = out[out.index("Degraded, medians (boot, linear)") :]
+    for name in ("as recorded", *DEGRADATIONS):
+        assert name in table
+    assert "(1 failed)" in table
+
+
+def test_times_that_cannot_be_resampled_fail_the_degradation_alone(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with np.load(folder / "good.npz") as stored:
+        arrays = dict(stored)
+    arrays["t_s"][5] = arrays["t_s"][4]
+    np.savez(folder / "good.npz", **arrays)
+    assert run(monkeypatch, folder, "--degrade", "--json", "--method", "linear") == ExitCode.OK
+    found = card(capsys)
+    assert found["trials"][0]["failure"] is None
+    failed = {name: sets["drill"]["failed"] for name, sets in found["degraded"].items()}
+    assert failed == {name: int("Hz" in name) for name in DEGRADATIONS}
+
+
+def test_a_picture_a_trial_is_drawn(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "torn.npz").write_bytes(b"torn")
+    pictures = tmp_path / "new" / "pictures"
+    assert run(monkeypatch, folder, "--plot", pictures) == ExitCode.USAGE
+    assert [file.name for file in pictures.iterdir()] == ["drill_good.png"]
+
+
+def test_a_folder_for_pictures_that_is_a_file_is_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(monkeypatch, folder, "--plot", folder / "good.npz") == ExitCode.USAGE
 
 
 def test_tables_are_for_people(
@@ -89,7 +154,7 @@ def test_a_trial_that_breaks_the_mount_is_listed_and_counted(
         raise ZeroDivisionError("of all things")
 
     monkeypatch.setattr(BootMount, "step", step)
-    assert run(monkeypatch, folder, "--json") == ExitCode.FAILURE
+    assert run(monkeypatch, folder, "--json", "--method", "linear") == ExitCode.FAILURE
     assert card(capsys)["trials"][0]["failure"] == "ZeroDivisionError: of all things"
 
 

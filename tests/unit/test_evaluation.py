@@ -14,6 +14,7 @@ from edge_agent.evaluation.errors import (
     align,
     closure,
     end_error_m,
+    missed_stances_pct,
     stance_errors,
     vertical_errors,
 )
@@ -125,6 +126,27 @@ def test_a_missed_stance_is_told() -> None:
     errors = stance_errors(path, truth())
     assert errors.missed_stances_pct == pytest.approx(100.0 / 21.0)
     assert errors.false_stances_pct == 0.0
+
+
+@pytest.mark.parametrize(("early_s", "missed"), [(0.15, 0.0), (0.35, 0.0), (0.45, 90.4761904)])
+def test_one_instant_of_a_long_stance_is_enough(early_s: float, missed: float) -> None:
+    """Boots stand 0.8 s about the full seconds, and an instant ``early_s`` before those is told.
+
+    At 0.45 s the boot still swings, at half of the way: only first and last stance are found.
+    """
+    knots_s, knots_m = [0.0], [places()[0]]
+    for stride in range(20):
+        knots_s += [stride + 0.4, stride + 0.6]
+        knots_m += [places()[stride], places()[stride + 1]]
+    instants_s = np.arange(1.0, 20.0) - early_s
+    path = EstimatedPath(
+        np.array([*knots_s, 20.0]),
+        np.array([*knots_m, places()[20]]),
+        np.vstack(
+            ([[-math.inf, 0.2]], np.column_stack((instants_s, instants_s)), [[19.8, math.inf]])
+        ),
+    )
+    assert missed_stances_pct(path, truth()) == pytest.approx(missed)
 
 
 def test_a_stance_in_a_swing_is_false() -> None:

@@ -1,0 +1,191 @@
+"""The same recording from a worse sensor: slower, coarser, clipped, noisier, with parts lost.
+
+Each degradation is one fault alone, so that a table of them says what a method leans on. All are
+computed from the samples; chance is a generator that is passed in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edge_agent.evaluation.truth import Array, Truth
+from edge_agent.sources.recording import Recording
+from shared.units import NS_PER_S
+
+Degrade: TypeAlias = Callable[[Recording, np.random.Generator], Recording]
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+NOISE_M_S2 = 0.1
+NOISE_RAD_S = math.radians(0.5)
+"""White, of each sample and axis: some ten times a good sensor's."""
+
+
+class Degradation(NamedTuple):
+    """One fault: what it makes of the samples, and how fast the sensor's clock runs with it."""
+
+    degrade: Degrade
+    clock_rate: float = 1.0
+
+    def apply(
+        self, recording: Recording, truth: Truth | None, chance: np.random.Generator
+    ) -> tuple[Recording, Truth | None]:
+        """Return the recording with this fault, and the truth on its clock."""
+        worse = self.degrade(recording, chance)
+        if self.clock_rate == 1.0:
+            return worse, truth
+        time_ns = np.rint(self.clock_rate * worse.time_ns).astype(np.int64)
+        return replace(worse, time_ns=time_ns), truth and on_clock(truth, self.clock_rate)
+
+
+def on_clock(truth: Truth, clock_rate: float) -> Truth:
+    """Return ``truth`` by a clock that counts ``clock_rate`` seconds in one."""
+    height = truth.height
+    return Truth(
+        clock_rate * truth.time_s,
+        truth.position_m,
+        height and replace(height, time_s=clock_rate * height.time_s),
+    )
+
+
+def averaged(recording: Recording, rate_hz: float) -> Recording:
+    """Return what a sensor reads that gives the mean of each period of ``rate_hz``.
+
+    Each sample stands for the time nearer to it than to any other, so that the integrals of
+    specific force and angular rate are kept at any pair of rates; a new sample is stamped with its
+    period's middle. The field is the nearest sample's. A slower recording is returned as it is.
+    Raises ``ValueError`` where time stamps do not rise.
+    """
+    time_s = recording.time_ns / NS_PER_S
+    if _rate_hz(time_s) <= rate_hz:
+        return recording
+    middles_s = 0.5 * (time_s[1:] + time_s[:-1])
+    edges_s = np.concatenate(
+        ([2.0 * time_s[0] - middles_s[0]], middles_s, [2.0 * time_s[-1] - middles_s[-1]])
+    )
+    count = int((edges_s[-1] - edges_s[0]) * rate_hz + 1e-6)
+    periods_s = edges_s[0] + np.arange(count + 1) / rate_hz
+    field_ut = recording.field_ut
+    centres_s = periods_s[:-1] + 0.5 / rate_hz
+    return Recording(
+        np.rint(centres_s * NS_PER_S).astype(np.int64),
+        _means(recording.force_m_s2, edges_s, periods_s),
+        _means(recording.rate_rad_s, edges_s, periods_s),
+        None if field_ut is None else field_ut[_nearest(time_s, centres_s)],
+    )
+
+
+def decimated(recording: Recording, rate_hz: float) -> Recording:
+    """Return the samples nearest to the ticks of ``rate_hz``, the others thrown away.
+
+    A slower recording is returned as it is. Raises ``ValueError`` where time stamps do not rise.
+    """
+    time_s = recording.time_ns / NS_PER_S
+    if _rate_hz(time_s) <= rate_hz:
+        return recording
+    count = int((time_s[-1] - time_s[0]) * rate_hz + 1e-6) + 1
+    ticks_s = time_s[0] + np.arange(count) / rate_hz
+    return _rows(recording, np.unique(_nearest(time_s, ticks_s)))
+
+
+def clipped(
+    recording: Recording, force_m_s2: float = math.inf, rate_rad_s: float = math.inf
+) -> Recording:
+    """Return what sensors read whose ranges end at ±``force_m_s2`` and ±``rate_rad_s``."""
+    return replace(
+        recording,
+        force_m_s2=np.clip(recording.force_m_s2, -force_m_s2, force_m_s2),
+        rate_rad_s=np.clip(recording.rate_rad_s, -rate_rad_s, rate_rad_s),
+    )
+
+
+def biased(recording: Recording, rate_rad_s: float) -> Recording:
+    """Return what a gyroscope reads that is off by ``rate_rad_s`` on each axis."""
+    return replace(recording, rate_rad_s=recording.rate_rad_s + rate_rad_s)
+
+
+def scaled(recording: Recording, scale: float) -> Recording:
+    """Return what an accelerometer reads that shows ``scale`` times the specific force."""
+    return replace(recording, force_m_s2=scale * recording.force_m_s2)
+
+
+def noisy(recording: Recording, chance: np.random.Generator) -> Recording:
+    """Return the recording with white noise of ``NOISE_M_S2`` and ``NOISE_RAD_S`` added."""
+    return replace(
+        recording,
+        force_m_s2=recording.force_m_s2 + chance.normal(0.0, NOISE_M_S2, (len(recording), 3)),
+        rate_rad_s=recording.rate_rad_s + chance.normal(0.0, NOISE_RAD_S, (len(recording), 3)),
+    )
+
+
+def thinned(recording: Recording, chance: np.random.Generator, lost_share: float) -> Recording:
+    """Return what is left when each sample is lost with a probability of ``lost_share``."""
+    return _rows(recording, np.flatnonzero(chance.random(len(recording)) >= lost_share))
+
+
+def interrupted(recording: Recording, gap_s: float, every_s: float) -> Recording:
+    """Return what is left when the last ``gap_s`` of each ``every_s`` are lost."""
+    since_s = (recording.time_ns - recording.time_ns[0]) / NS_PER_S
+    return _rows(recording, np.flatnonzero(since_s % every_s < every_s - gap_s))
+
+
+def _rate_hz(time_s: Array) -> float:
+    """Return the usual rate; raise ``ValueError`` where time stamps repeat or go back."""
+    periods_s = np.diff(time_s)
+    if not (len(periods_s) and np.all(periods_s > 0.0)):
+        raise ValueError("time stamps do not rise from sample to sample: no rate can be lowered")
+    return 1.0 / float(np.median(periods_s))
+
+
+def _means(values: Array, edges_s: Array, periods_s: Array) -> Array:
+    """Return the means over ``periods_s`` (m + 1,) of (n, 3), held between ``edges_s`` (n + 1,)."""
+    summed = np.vstack((np.zeros(3), np.cumsum(values * np.diff(edges_s)[:, None], axis=0)))
+    at_periods = np.column_stack(
+        [np.interp(periods_s, edges_s, summed[:, axis]) for axis in range(3)]
+    )
+    means: Array = np.diff(at_periods, axis=0) / np.diff(periods_s)[:, None]
+    return means
+
+
+def _nearest(time_s: Array, wanted_s: Array) -> NDArray[np.intp]:
+    """Return the row of rising ``time_s`` that is nearest to each of ``wanted_s``."""
+    return np.searchsorted(0.5 * (time_s[1:] + time_s[:-1]), wanted_s)
+
+
+def _rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
+    field_ut = recording.field_ut
+    return Recording(
+        recording.time_ns[rows],
+        recording.force_m_s2[rows],
+        recording.rate_rad_s[rows],
+        None if field_ut is None else field_ut[rows],
+    )
+
+
+def _sure(degrade: Callable[[Recording], Recording]) -> Degradation:
+    """Return the degradation that leaves nothing to chance."""
+    return Degradation(lambda recording, _: degrade(recording))
+
+
+DEGRADATIONS: dict[str, Degradation] = {
+    "100 Hz, averaged": _sure(partial(averaged, rate_hz=100.0)),
+    "100 Hz, decimated": _sure(partial(decimated, rate_hz=100.0)),
+    "50 Hz, averaged": _sure(partial(averaged, rate_hz=50.0)),
+    "±8 g": _sure(partial(clipped, force_m_s2=8.0 * STANDARD_GRAVITY_M_S2)),
+    "±4 g": _sure(partial(clipped, force_m_s2=4.0 * STANDARD_GRAVITY_M_S2)),
+    "±500 °/s": _sure(partial(clipped, rate_rad_s=math.radians(500.0))),
+    "±300 °/s": _sure(partial(clipped, rate_rad_s=math.radians(300.0))),
+    "gyro bias +1 °/s": _sure(partial(biased, rate_rad_s=math.radians(1.0))),
+    "accelerometer +1 %": _sure(partial(scaled, scale=1.01)),
+    "clock +0.5 %": Degradation(lambda recording, _: recording, clock_rate=1.005),
+    "noise 0.1 m/s², 0.5 °/s": Degradation(noisy),
+    "5 % lost at random": Degradation(partial(thinned, lost_share=0.05)),
+    "0.2 s lost every 10 s": _sure(partial(interrupted, gap_s=0.2, every_s=10.0)),
+}
+"""By the name that tables give it. Gyro bias is on each axis."""

@@ -1,0 +1,174 @@
+"""One slot of the boot's filter: predict, judge stillness, update, remember for the smoother."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edge_agent.inertial.boot_state import StateRecord
+from edge_agent.inertial.compiled import compiled
+from edge_agent.inertial.eskf_parameters import CAPACITY, ParametersRecord
+from edge_agent.inertial.foot_mechanisation import rotation_matrix, turn_body, turn_nav
+from edge_agent.inertial.sample_ring import BRIDGED, RATE, STEP
+from edge_agent.inertial.stride_smoothing import (
+    COVARIANCE_ROWS,
+    FILTERED,
+    UPDATE_COUNT,
+    UPDATE_WIDTH,
+    UPDATES,
+)
+from edge_agent.inertial.zero_velocity import MOVING, STRONG, stillness_class
+from edge_agent.inertial.zupt_filter import (
+    HEADING,
+    ROLLING_HEIGHT,
+    STATES,
+    add_process_noise,
+    propagate_covariance,
+    scalar_update,
+    velocity_innovation,
+    widen_covariance,
+)
+
+
+@compiled
+def predict(s: StateRecord, p: ParametersRecord, m: int, rate: NDArray[np.float64]) -> None:
+    """Carry the filter from slot ``m − 1`` to ``m``; writes the bias-free ``rate`` (3,)."""
+    mask = CAPACITY - 1
+    now, before = s.samples[m & mask], s.samples[(m - 1) & mask]
+    row = s.history[m & mask]
+    force = np.empty(3)
+    nav_from_body = np.empty((3, 3))
+    for c in range(3):
+        force[c] = 0.5 * (now[c] + before[c]) - s.force_bias_m_s2[c]
+        rate[c] = 0.5 * (now[RATE + c] + before[RATE + c]) - s.rate_bias_rad_s[c]
+    dt = now[STEP]
+    half = 0.5 * dt
+    turn_body(s.quat_wxyz, half * rate[0], half * rate[1], half * rate[2])
+    rotation_matrix(s.quat_wxyz, nav_from_body)
+    turn_body(s.quat_wxyz, half * rate[0], half * rate[1], half * rate[2])
+    row[0] = dt
+    for c in range(3):
+        axis = nav_from_body[c]
+        gained = dt * (axis[0] * force[0] + axis[1] * force[1] + axis[2] * force[2])
+        row[1 + c] = gained
+        if c == 2:
+            gained += dt * p.gravity_m_s2
+        s.position_m[c] += dt * (s.velocity_m_s[c] + 0.5 * gained)
+        s.velocity_m_s[c] += gained
+        for j in range(3):
+            row[4 + 3 * c + j] = -dt * axis[j]
+    propagate_covariance(s.covariance, row)
+    add_process_noise(s.covariance, row, force, rate, now, p)
+
+
+@compiled
+def believes_still(
+    s: StateRecord, p: ParametersRecord, kind: int, roll: NDArray[np.float64], variance: float
+) -> bool:
+    """Whether a slot's class of stillness is believed.
+
+    A foot swung at a constant velocity is still to the sensors; only the filter's own velocity can
+    tell. Time-outs keep a filter gone astray from refusing every stance that would help it.
+    """
+    if kind == MOVING:
+        return False
+    v = s.velocity_m_s
+    speed = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+    if speed < p.gate_speed_m_s:
+        return True
+    residual = np.empty(3)
+    for c in range(3):
+        residual[c] = s.rolling_height_m * roll[c] - v[c]
+    excess = velocity_innovation(s.covariance, variance, residual) / p.gate_innovation
+    if excess < 1.0:
+        return True
+    timeout = p.gate_strong_timeout_s if kind == STRONG else p.gate_deep_timeout_s
+    if s.since_update_s <= timeout:
+        return False
+    widen_covariance(s.covariance, min(excess, p.widest))
+    return True
+
+
+@compiled
+def record_update(
+    row: NDArray[np.float64],
+    state: int,
+    height_factor: float,
+    weight: float,
+    gain: NDArray[np.float64],
+) -> None:
+    """Keep one scalar update for the backward pass."""
+    at = UPDATES + UPDATE_WIDTH * int(row[UPDATE_COUNT])
+    row[at], row[at + 1], row[at + 2] = state, height_factor, weight
+    row[at + 3 : at + UPDATE_WIDTH] = gain
+    row[UPDATE_COUNT] += 1.0
+
+
+@compiled
+def update(
+    s: StateRecord,
+    p: ParametersRecord,
+    m: int,
+    roll: NDArray[np.float64],
+    variance: float,
+) -> None:
+    """Zero-velocity update of a rolling foot at slot ``m``, and zero-rate update in long stops.
+
+    ``roll`` is the velocity of the foot per metre of rolling height, ``variance`` of each axis.
+    """
+    row = s.history[m & (CAPACITY - 1)]
+    correction, gain = np.zeros(STATES), np.empty(STATES)
+    for c in range(3):
+        residual = s.rolling_height_m * roll[c] - s.velocity_m_s[c]
+        weight = scalar_update(s.covariance, gain, correction, 3 + c, -roll[c], variance, residual)
+        record_update(row, 3 + c, -roll[c], weight, gain)
+    if s.zero_rate_first >= 0 and s.zero_rate_first <= m <= s.zero_rate_last:
+        now = s.samples[m & (CAPACITY - 1)]
+        still = p.zero_rate_sd_rad_s**2 * p.reference_period_s / row[0]
+        for c in range(3):
+            residual = now[RATE + c] - s.rate_bias_rad_s[c]
+            weight = scalar_update(s.covariance, gain, correction, 12 + c, 0.0, still, residual)
+            record_update(row, 12 + c, 0.0, weight, gain)
+    for c in range(3):
+        s.position_m[c] += correction[c]
+        s.velocity_m_s[c] += correction[3 + c]
+        s.force_bias_m_s2[c] += correction[9 + c]
+        s.rate_bias_rad_s[c] += correction[12 + c]
+    s.rolling_height_m += correction[ROLLING_HEIGHT]
+    turn_nav(s.quat_wxyz, correction[6], correction[7], correction[8])
+
+
+@compiled
+def filter_slot(s: StateRecord, p: ParametersRecord, m: int) -> bool:
+    """Predict to slot ``m`` and update there if the foot is believed still; returns whether."""
+    mask = CAPACITY - 1
+    row = s.history[m & mask]
+    row[UPDATE_COUNT] = 0.0
+    rate, roll = np.empty(3), np.empty(3)
+    predict(s, p, m, rate)
+    north, east = row[4:7], row[7:10]
+    roll[0] = (east[0] * rate[0] + east[1] * rate[1] + east[2] * rate[2]) / row[0]
+    roll[1] = -(north[0] * rate[0] + north[1] * rate[1] + north[2] * rate[2]) / row[0]
+    roll[2] = 0.0
+    rate_squared = rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2
+    variance = p.velocity_sd_m_s**2 + p.velocity_sd_per_rate_m**2 * rate_squared
+    v = s.velocity_m_s
+    s.peak_speed_m_s = max(s.peak_speed_m_s, math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2))
+    s.since_update_s += row[0]
+    kind = stillness_class(s.statistic, m, s.filtered, p)
+    if s.samples[m & mask, BRIDGED] > 0.0:
+        kind = MOVING
+    still = believes_still(s, p, kind, roll, variance)
+    if still:
+        update(s, p, m, roll, variance * p.reference_period_s / row[0])
+        s.since_update_s = 0.0
+    for c in range(3):
+        row[FILTERED + c] = s.position_m[c]
+        at = COVARIANCE_ROWS + STATES * c
+        row[at : at + STATES] = s.covariance[c]
+    row[FILTERED + 3 : FILTERED + 7] = s.quat_wxyz
+    at = COVARIANCE_ROWS + 3 * STATES
+    row[at : at + STATES] = s.covariance[HEADING]
+    return still

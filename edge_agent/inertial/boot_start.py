@@ -1,0 +1,101 @@
+"""How the tracking of a boot begins: the true rate, a moment to level on, and which way is up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edge_agent.inertial.boot_state import State, initial_state
+from edge_agent.inertial.eskf_parameters import HIGHEST_RATE_HZ, EskfParameters, windows_at
+from edge_agent.inertial.sample_clock import ClockState, start_clock
+from shared.maths.rotations import Vector3
+from shared.messages import ImuSample
+from shared.units import NS_PER_S
+
+START_UP_S = 0.6
+"""So many seconds of samples are looked at before the first is taken."""
+
+STILL_S = 0.2
+HARDEST_M_S2, FASTEST_RAD_S = 700.0, 80.0
+
+
+class Start(NamedTuple):
+    """All that a tracker needs to begin.
+
+    ``samples`` go on from the stillest moment, ``clock`` stands at the first of them. ``block`` is
+    how many raw samples are averaged into one, of a sensor faster than the filter.
+    """
+
+    state: State
+    clock: ClockState
+    rate_hz: float
+    block: int
+    samples: list[ImuSample]
+
+
+def start_on(waiting: Sequence[ImuSample], parameters: EskfParameters) -> Start | str:
+    """Return how to begin on the samples waiting, or why one cannot, in words."""
+    raw = sorted(waiting, key=lambda sample: sample.time_ns)
+    try:
+        raw_rate_hz = NS_PER_S / start_clock([sample.time_ns for sample in raw]).period_ns
+        block = max(1, int(np.ceil(raw_rate_hz / HIGHEST_RATE_HZ)))
+        rate_hz = raw_rate_hz / block
+        windows_at(parameters, rate_hz)
+        samples = [mean_sample(raw[i : i + block]) for i in range(0, len(raw) - block + 1, block)]
+        force_m_s2 = np.array([sample.force_m_s2 for sample in samples])
+        rate_rad_s = np.array([sample.rate_rad_s for sample in samples])
+        first, count = stillest(force_m_s2, rate_rad_s, round(STILL_S * rate_hz))
+        window = slice(first, first + count)
+        state = initial_state(parameters, force_m_s2[window], rate_rad_s[window])
+        clock = start_clock([sample.time_ns for sample in samples[first:]])
+    except ValueError as error:
+        return str(error)
+    return Start(state, clock, rate_hz, block, samples[first:])
+
+
+def stillest(
+    force_m_s2: NDArray[np.float64], rate_rad_s: NDArray[np.float64], count: int
+) -> tuple[int, int]:
+    """Return (first, count) of the window of samples that varies and turns least."""
+    count = min(count, len(force_m_s2))
+    cost = [
+        float(force_m_s2[i : i + count].var(axis=0).sum())
+        + float(np.mean(rate_rad_s[i : i + count] ** 2))
+        for i in range(len(force_m_s2) - count + 1)
+    ]
+    return int(np.argmin(cost)), count
+
+
+def mean_sample(samples: Sequence[ImuSample]) -> ImuSample:
+    """Return the mean of one sample or more, of its time as well, without the field."""
+    if len(samples) == 1:
+        return samples[0]
+    first_ns = samples[0].time_ns
+    since_ns = sum(sample.time_ns - first_ns for sample in samples)
+    return ImuSample(
+        first_ns + since_ns // len(samples),
+        _mean([sample.force_m_s2 for sample in samples]),
+        _mean([sample.rate_rad_s for sample in samples]),
+    )
+
+
+def _mean(vectors: list[Vector3]) -> Vector3:
+    x, y, z = (sum(axis) / len(vectors) for axis in zip(*vectors, strict=True))
+    return (x, y, z)
+
+
+def plausible(sample: ImuSample) -> bool:
+    """Whether a boot can give ``sample``; a comparison with NaN is false."""
+    fx, fy, fz = sample.force_m_s2
+    wx, wy, wz = sample.rate_rad_s
+    return (
+        -HARDEST_M_S2 <= fx <= HARDEST_M_S2
+        and -HARDEST_M_S2 <= fy <= HARDEST_M_S2
+        and -HARDEST_M_S2 <= fz <= HARDEST_M_S2
+        and -FASTEST_RAD_S <= wx <= FASTEST_RAD_S
+        and -FASTEST_RAD_S <= wy <= FASTEST_RAD_S
+        and -FASTEST_RAD_S <= wz <= FASTEST_RAD_S
+    )

@@ -1,0 +1,316 @@
+"""The boot's strides, one sample at a time: detect, filter, cut, smooth, publish.
+
+The filter walks a fixed look-ahead behind the newest sample, because stillness is judged with what
+comes after it. :func:`step` is the only way in; :func:`run` is the same step over an array.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import cast
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numpy.typing import NDArray
+
+from edge_agent.inertial.boot_filter import filter_slot
+from edge_agent.inertial.boot_state import (
+    OUTCOME,
+    STANDING,
+    STRIDE,
+    UNFINISHED,
+    Outcome,
+    OutcomeRecord,
+    State,
+    StateRecord,
+    initial_state,
+)
+from edge_agent.inertial.compiled import compiled
+from edge_agent.inertial.eskf_parameters import (
+    CAPACITY,
+    EskfParameters,
+    Parameters,
+    ParametersRecord,
+    kernel_parameters,
+)
+from edge_agent.inertial.foot_mechanisation import turn_about_down, turn_nav
+from edge_agent.inertial.gap_bridging import bridge_gap
+from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, STEP
+from edge_agent.inertial.saturation import watch_flat_tops
+from edge_agent.inertial.stride_smoothing import FILTERED, smooth_stride
+from edge_agent.inertial.zero_velocity import shoe_statistic
+from edge_agent.inertial.zupt_filter import HEADING, START_HEADING, STATES
+
+MOST_HELD = 16
+"""More strides than can be ahead of the filter at once."""
+
+
+@compiled
+def close_stride(
+    s: StateRecord,
+    o: OutcomeRecord,
+    p: ParametersRecord,
+    m: int,
+    anchor: int,
+    kind: int,
+    peak_speed_m_s: float,
+) -> None:
+    """Smooth the stretch up to slot ``m``, write the increment up to slot ``anchor``.
+
+    The next begins with position and heading known by definition. The covariance of (north, east,
+    down, heading) is given the heading at the stride's start: ``P_zz − P_zψ·P_ψψ⁻¹·P_ψz``.
+    """
+    mask = CAPACITY - 1
+    smooth_stride(s.history, s.path, s.boundary + 1, m)
+    end = s.history[anchor & mask, FILTERED + 3 : FILTERED + 7].copy()
+    turn_nav(end, 0.0, 0.0, s.path[anchor & mask, 3])
+    o.kind, o.first_slot, o.last_slot = kind, s.boundary + 1, m
+    o.start_slot, o.end_slot = s.anchor, anchor
+    o.start_ns, o.end_ns = s.time_ns[s.anchor & mask], s.time_ns[anchor & mask]
+    o.heading_change_rad = turn_about_down(s.anchor_quat_wxyz, end)
+    s.heading_rad += o.heading_change_rad
+    o.heading_rad = s.heading_rad
+    o.highest_m = o.lowest_m = 0.0
+    for slot in range(s.boundary + 1, anchor + 1):
+        height = s.anchor_position_m[2] - s.path[slot & mask, 2]
+        o.highest_m, o.lowest_m = max(o.highest_m, height), min(o.lowest_m, height)
+    for c in range(3):
+        o.displacement_m[c] = s.path[anchor & mask, c] - s.anchor_position_m[c]
+        s.anchor_position_m[c] = s.path[anchor & mask, c]
+    s.anchor_quat_wxyz[:] = end
+    o.peak_speed_m_s, o.rolling_height_m = peak_speed_m_s, s.rolling_height_m
+    o.statistic = s.statistic[anchor & mask]
+    write_increment_covariance(s.covariance, o.covariance, p, o.displacement_m, o.peak_speed_m_s)
+    s.boundary, s.anchor, s.candidate = m, anchor, -1
+
+
+@compiled
+def close_at_candidate(s: StateRecord, o: OutcomeRecord, p: ParametersRecord, m: int) -> None:
+    """Close the stride up to the candidate. After standing, the next swing may have begun."""
+    peak_m_s = s.candidate_peak_m_s
+    if peak_m_s > p.moving_speed_m_s:
+        close_stride(s, o, p, m, s.candidate, STRIDE, peak_m_s)
+        s.peak_speed_m_s = 0.0
+    else:
+        close_stride(s, o, p, m, s.candidate, STANDING, peak_m_s)
+
+
+@compiled
+def write_increment_covariance(
+    covariance: NDArray[np.float64],
+    out: NDArray[np.float64],
+    p: ParametersRecord,
+    displacement_m: NDArray[np.float64],
+    peak_speed_m_s: float,
+) -> None:
+    """Write the increment's 4×4 into ``out``; reset position, clone the heading anew.
+
+    Beyond the filter's own, a foot is set down on a place that is not a point, and what scale,
+    alignment and delay of a sensor do wrong grows with stride and speed. Both were set so that
+    the 95 % ellipse holds 95 % of the strides in every gait.
+    """
+    known = covariance[START_HEADING, START_HEADING]
+    length = math.sqrt(displacement_m[0] ** 2 + displacement_m[1] ** 2 + displacement_m[2] ** 2)
+    extra = p.placement_sd_m**2 + (p.stride_sd_share_per_m_s * length * peak_speed_m_s) ** 2
+    for i in range(4):
+        a = i if i < 3 else HEADING
+        for j in range(4):
+            b = j if j < 3 else HEADING
+            out[i, j] = covariance[a, b]
+            if known > 0.0:
+                out[i, j] -= covariance[a, START_HEADING] * covariance[b, START_HEADING] / known
+            out[i, j] *= p.increment_covariance_factor
+        if i < 3:
+            out[i, i] += extra
+    for i in range(STATES):
+        for c in range(3):
+            covariance[c, i] = covariance[i, c] = 0.0
+    for i in range(STATES):
+        covariance[START_HEADING, i] = covariance[HEADING, i]
+    for i in range(STATES):
+        covariance[i, START_HEADING] = covariance[i, HEADING]
+
+
+@compiled
+def advance(s: StateRecord, o: OutcomeRecord, p: ParametersRecord, m: int) -> bool:
+    """Filter slot ``m`` and close the stride it completes, if any; returns whether.
+
+    A stride ends at the stillest believed slot since the foot moved, once ``settle`` has passed.
+    """
+    if filter_slot(s, p, m):
+        value = s.statistic[m & (CAPACITY - 1)]
+        moved = s.peak_speed_m_s > p.moving_speed_m_s or m - s.anchor >= p.standing
+        if moved if s.candidate < 0 else value < s.candidate_statistic:
+            s.candidate, s.candidate_statistic = m, value
+            s.candidate_peak_m_s = s.peak_speed_m_s
+    if s.candidate >= 0 and m - s.candidate >= p.settle:
+        close_at_candidate(s, o, p, m)
+        return True
+    if m - s.boundary >= p.longest:
+        close_stride(s, o, p, m, m, UNFINISHED, s.peak_speed_m_s)
+        s.peak_speed_m_s = 0.0
+        return True
+    return False
+
+
+@compiled
+def take_statistic(s: StateRecord, p: ParametersRecord, centre: int) -> None:
+    """Compute the statistic of slot ``centre``, and follow the stops long enough for ZARU."""
+    value = shoe_statistic(
+        s.samples,
+        max(0, centre - p.half_window),
+        min(centre, p.half_window) + p.half_window + 1,
+        p.gravity_m_s2,
+        p.force_scale_m_s2,
+        p.rate_scale_rad_s,
+    )
+    s.statistic[centre & (CAPACITY - 1)] = value
+    if value >= p.zero_rate_limit:
+        s.still_since = -1
+    elif s.still_since < 0:
+        s.still_since = centre
+    if s.still_since >= 0 and centre - s.still_since >= p.zero_rate:
+        s.zero_rate_first, s.zero_rate_last = s.still_since, centre
+
+
+@compiled
+def mend_gap(state: State, parameters: Parameters, first: int, last: int) -> float:
+    """Bridge slots ``first … last`` with what is now known on both sides (see gap_bridging.py).
+
+    The slots must still lie ahead of the filter. Returns the disagreement of the bridge.
+    """
+    s, p = state[0], parameters[0]
+    disagreement = bridge_gap(s.samples, first, last, s.head, p)
+    for centre in range(first - p.half_window, min(last + p.half_window, s.filtered) + 1):
+        take_statistic(s, p, centre)
+    return disagreement
+
+
+@compiled
+def mend_sample(
+    state: State,
+    parameters: Parameters,
+    slot: int,
+    force_m_s2: NDArray[np.float64],
+    rate_rad_s: NDArray[np.float64],
+) -> None:
+    """Put a sample that came late into the bridged ``slot`` it belongs to, ahead of the filter."""
+    s, p = state[0], parameters[0]
+    row = s.samples[slot & (CAPACITY - 1)]
+    row[0:3] = force_m_s2
+    row[3:6] = rate_rad_s
+    row[BRIDGED:] = 0.0
+    for centre in range(slot - p.half_window, min(slot + p.half_window, s.filtered) + 1):
+        take_statistic(s, p, centre)
+
+
+@compiled
+def step(
+    state: State,
+    outcome: Outcome,
+    parameters: Parameters,
+    time_ns: int,
+    fx: float,
+    fy: float,
+    fz: float,
+    wx: float,
+    wy: float,
+    wz: float,
+    dt_s: float,
+    bridged: bool,
+) -> bool:
+    """Take one sample in; True when ``outcome`` has been given a new stride.
+
+    Specific force in m/s² and angular rate in rad/s, sensor axes; ``dt_s`` since the sample
+    before; ``bridged`` says that the sample is only a place held for a
+    missing one.
+    """
+    s, o, p = state[0], outcome[0], parameters[0]
+    n = s.head
+    slot = n & (CAPACITY - 1)
+    row = s.samples[slot]
+    row[0], row[1], row[2], row[3], row[4], row[5] = fx, fy, fz, wx, wy, wz
+    row[STEP] = dt_s
+    row[BRIDGED:] = 0.0
+    if bridged:
+        row[BRIDGED] = row[DOUBT] = 1.0
+    s.time_ns[slot] = time_ns
+    s.head = n + 1
+    watch_flat_tops(s.samples, s.flat_tops, s.fastest_rad_s, n, p)
+    centre = n - p.half_window
+    if centre < 0:
+        return False
+    take_statistic(s, p, centre)
+    s.filtered = centre
+    m = centre - p.look_ahead
+    return m >= 1 and advance(s, o, p, m)
+
+
+@compiled
+def finish(state: State, outcomes: Outcome, parameters: Parameters) -> int:
+    """Close the strides still ahead of the filter: no more samples will come, or not in time.
+
+    Stillness is judged with what there is to look ahead to. ``outcomes`` holds ``MOST_HELD``;
+    returns how many were written.
+    """
+    s, p = state[0], parameters[0]
+    found = 0
+    for m in range(max(1, s.filtered - p.look_ahead + 1), s.filtered + 1):
+        if advance(s, outcomes[found], p, m):
+            found += 1
+    if s.candidate >= 0:
+        close_at_candidate(s, outcomes[found], p, s.filtered)
+        found += 1
+    return found
+
+
+@compiled
+def run(
+    state: State,
+    outcomes: Outcome,
+    parameters: Parameters,
+    time_ns: NDArray[np.int64],
+    force_m_s2: NDArray[np.float64],
+    rate_rad_s: NDArray[np.float64],
+    dt_s: NDArray[np.float64],
+    bridged: NDArray[np.bool_],
+    path_m: NDArray[np.float64],
+) -> int:
+    """The online step over n samples; returns how many strides were written to ``outcomes``.
+
+    ``path_m`` (n×3, or of no rows) is given the smoothed path of every published stride.
+    """
+    found = 0
+    for i in range(force_m_s2.shape[0]):
+        f, w = force_m_s2[i], rate_rad_s[i]
+        one = outcomes[found : found + 1]
+        if step(
+            state, one, parameters, time_ns[i], f[0], f[1], f[2], w[0], w[1], w[2], dt_s[i],
+            bridged[i],
+        ):  # fmt: skip
+            o = one[0]
+            if path_m.shape[0] > 0:
+                for slot in range(o.first_slot, o.last_slot + 1):
+                    for c in range(3):
+                        path_m[slot, c] = state[0].path[slot & (CAPACITY - 1), c]
+            found += 1
+    return found
+
+
+@cache
+def compile_kernels() -> None:
+    """Have every kernel that a tracker calls ready, compiled or read from disk, once a process.
+
+    What they compile to is then fixed: other types of numbers are cast, never compiled for.
+    """
+    parameters = EskfParameters()
+    resting, still = np.array([[0.0, 0.0, -parameters.gravity_m_s2]]), np.zeros((1, 3))
+    state, outcomes = initial_state(parameters, resting, still), np.zeros(MOST_HELD, OUTCOME)
+    kernel = kernel_parameters(parameters, 100.0)
+    step(state, outcomes, kernel, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01, False)
+    mend_gap(state, kernel, 1, 1)
+    mend_sample(state, kernel, 0, resting[0], still[0])
+    finish(state, outcomes, kernel)
+    for called in (step, mend_gap, mend_sample, finish):
+        cast(Dispatcher, called).disable_compile()

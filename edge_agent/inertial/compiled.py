@@ -1,0 +1,44 @@
+"""One decorator for the numerical kernels, typed, so that the rest of the house stays strict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar, cast
+
+from numba import njit
+from numba.core.dispatcher import Dispatcher
+
+Kernel = TypeVar("Kernel", bound=Callable[..., object])
+
+_SOURCES_CHANGED_NS = max(
+    source.stat().st_mtime_ns for source in Path(__file__).parent.glob("*.py")
+)
+
+
+def compiled(function: Kernel) -> Kernel:
+    """Compile ``function`` with numba at its first call; ``.py_func`` is its plain-Python meaning.
+
+    Machine code is kept on disk: beside the source, or in the user's cache folder where that
+    cannot be written (``NUMBA_CACHE_DIR`` names another). Where there is no such folder either, it
+    is compiled in every process.
+    """
+    try:
+        dispatcher: Dispatcher = njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:
+        return cast(Kernel, njit(error_model="numpy")(function))
+    _drop_stale(dispatcher, function)
+    return cast(Kernel, dispatcher)
+
+
+def _drop_stale(dispatcher: Dispatcher, function: Callable[..., object]) -> None:
+    """Forget machine code older than any kernel's source.
+
+    A kernel is stored with those it calls, but numba looks for changes only in its own file.
+    """
+    folder = dispatcher.stats.cache_path
+    if folder is None:
+        return
+    for index in Path(folder).glob(f"*.{function.__qualname__}-*.nbi"):
+        if index.stat().st_mtime_ns < _SOURCES_CHANGED_NS:
+            index.unlink(missing_ok=True)

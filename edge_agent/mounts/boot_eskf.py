@@ -1,0 +1,209 @@
+"""The sensor on a boot: an increment a stride, by an error-state filter smoothed over each stride.
+
+Strides come from ``inertial/boot_tracker.py``, at most half a second after the stance that ends
+them. The sensor may be worn on any side of the boot and at any angle: tilt is found from gravity,
+and the heading told is that of the sensor's axes at setting out, by the magnetometer if there is
+one to be trusted, turned on by the gyro ever after.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from edge_agent.inertial.boot_state import LOST, STANDING, Stride
+from edge_agent.inertial.boot_tracker import BootTracker, Counts
+from edge_agent.inertial.eskf_parameters import CAPACITY, EskfParameters
+from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD, Heading, MagneticHeading
+from edge_agent.inertial.linear_zupt import PathPoint
+from edge_agent.inertial.stride_error import (
+    Covariance4,
+    heading_variance,
+    lost_covariance,
+)
+from edge_agent.mounts.interface import Faults, Increment
+from shared.maths.angles import wrap_rad
+from shared.maths.rotations import Vector3, heading_of, rotate
+from shared.messages import ImuSample
+from shared.units import NS_PER_S
+
+SHUFFLED_M = 0.05
+"""Standing, less than this is kept for the next stride: a boot at rest only trembles."""
+
+SHORTEST_LOST_S = 1.0
+"""So long the boot is lost at the least: a clock set back does not say for how long it was."""
+
+
+UPPER = np.triu_indices(4)
+
+
+class EskfBootMount:
+    """Follows one boot. See ``Mount``: nothing that a sample holds makes it raise.
+
+    Samples repeated, late, missing or out of range are put right by the tracker, as far as they
+    can be. *Standing* tells nothing: what the boot turned or trembled meanwhile is in the next
+    increment. *Lost*, over a gap that cannot be bridged or where the filter went astray: the
+    increment has no displacement but the covariance of a walk whose direction is not known.
+    """
+
+    def __init__(self, parameters: EskfParameters | None = None) -> None:
+        """Make the mount; the first of a process compiles its kernels, or reads them from disk."""
+        self._tracker = BootTracker(parameters)
+        self._counted = self._tracker.counts
+        self.faults = Faults()
+        self._compass = MagneticHeading()
+        self._fields: deque[tuple[int, Vector3]] = deque(maxlen=CAPACITY)
+        self._start: Heading | None = None
+        self._facing_rad = 0.0
+        self._frame_turn_rad = 0.0
+        self._agent_from_tracker_rad = 0.0
+        self._heading_rad = 0.0
+        self._stood_m: Vector3 = (0.0, 0.0, 0.0)
+        self._stood_rad2 = 0.0
+        self._done: deque[Increment] = deque()
+
+    @property
+    def ready(self) -> bool:
+        """Whether a stretch of samples has been seen to level on."""
+        return self._tracker.filtered_ns is not None
+
+    @property
+    def heading_rad(self) -> float:
+        """Heading at the end of the last increment; that of setting out, before."""
+        if self._start is None:
+            return self._heading_to_start_with().heading_rad
+        return self._heading_rad
+
+    @property
+    def heading_sd_rad(self) -> float:
+        """How well the heading is known at setting out, or was."""
+        return (self._start or self._heading_to_start_with()).sd_rad
+
+    def step(self, sample: ImuSample) -> Increment | None:
+        """Take in the next sample; return the movement that it completes, if it does."""
+        if self._start is None:
+            self._facing_rad = heading_of(self._tracker.stance_nav_from_body)
+        for stride in self._tracker.step(sample):
+            self._follow(stride)
+        if self._start is None:
+            self._ask_compass(sample)
+        if self._tracker.counts is not self._counted:
+            self._count(self._tracker.counts)
+        return self._done.popleft() if self._done else None
+
+    def finish(self) -> list[Increment]:
+        """Return the movements that were still being waited for: no more samples will come."""
+        for stride in self._tracker.finish():
+            self._follow(stride)
+        done, self._done = list(self._done), deque()
+        return done
+
+    def _count(self, counts: Counts) -> None:
+        self._counted = counts
+        self.faults.unusable = counts.implausible
+        self.faults.out_of_order = counts.repeated + counts.late_mended + counts.late_dropped
+        self.faults.gaps = counts.gaps
+        self.faults.restarts = counts.restarts
+
+    def _ask_compass(self, sample: ImuSample) -> None:
+        """Take in the fields of samples that the filter has come to, if the boot stands there."""
+        if sample.field_ut is not None and all(map(math.isfinite, sample.field_ut)):
+            self._fields.append((sample.time_ns, sample.field_ut))
+        filtered_ns = self._tracker.filtered_ns
+        while filtered_ns is not None and self._fields and self._fields[0][0] <= filtered_ns:
+            _, field_ut = self._fields.popleft()
+            if self._tracker.stands:
+                self._compass.add(rotate(self._tracker.nav_from_body, field_ut))
+
+    def _heading_to_start_with(self) -> Heading:
+        offset = self._compass.offset()
+        if offset.sd_rad == UNKNOWN_HEADING_SD_RAD:
+            return offset
+        return Heading(wrap_rad(self._facing_rad + offset.heading_rad), offset.sd_rad)
+
+    def _follow(self, stride: Stride) -> None:
+        """Tell a stride, or keep what is too little to tell."""
+        if self._start is None:
+            if stride.kind == STANDING:
+                return
+            self._set_off(stride)
+        if stride.kind == LOST:
+            self._done.append(self._lost(stride))
+            return
+        north_m, east_m, down_m = self._stood_m
+        d_north_m, d_east_m, d_down_m = stride.displacement_m
+        moved_m = (north_m + d_north_m, east_m + d_east_m, down_m + d_down_m)
+        if stride.kind == STANDING and math.hypot(*moved_m) < SHUFFLED_M:
+            self._stood_m = moved_m
+            self._stood_rad2 += stride.covariance[3][3]
+            return
+        self._done.append(self._moved(stride))
+
+    def _set_off(self, stride: Stride) -> None:
+        """Fix the frame that increments are told in: the boot has moved for the first time."""
+        self._start = self._heading_to_start_with()
+        self._frame_turn_rad = self._start.heading_rad - self._facing_rad
+        began_rad = stride.heading_rad - stride.heading_change_rad
+        self._agent_from_tracker_rad = self._start.heading_rad - began_rad
+        self._heading_rad = self._start.heading_rad
+        self._fields.clear()
+
+    def _lost(self, stride: Stride) -> Increment:
+        elapsed_s = max((stride.end_ns - stride.start_ns) / NS_PER_S, SHORTEST_LOST_S)
+        variance_rad2 = heading_variance(elapsed_s, elapsed_s, bias_known=True)
+        covariance = lost_covariance(elapsed_s, variance_rad2)
+        return self._told(stride, (0.0, 0.0, 0.0), covariance, ())
+
+    def _moved(self, stride: Stride) -> Increment:
+        c, s = math.cos(self._frame_turn_rad), math.sin(self._frame_turn_rad)
+        north_m, east_m, down_m = self._stood_m
+        path = tuple(
+            PathPoint(
+                time_ns,
+                c * (north_m + north) - s * (east_m + east),
+                s * (north_m + north) + c * (east_m + east),
+                down_m + down,
+            )
+            for time_ns, north, east, down in stride.path
+        )
+        _, north_m, east_m, down_m = path[-1]
+        covariance = agent_covariance(stride, self._stood_rad2, self._frame_turn_rad)
+        return self._told(stride, (north_m, east_m, down_m), covariance, path)
+
+    def _told(
+        self,
+        stride: Stride,
+        displacement_m: Vector3,
+        covariance: Covariance4,
+        path: tuple[PathPoint, ...],
+    ) -> Increment:
+        before_rad = self._heading_rad
+        self._heading_rad = wrap_rad(stride.heading_rad + self._agent_from_tracker_rad)
+        self._stood_m, self._stood_rad2 = (0.0, 0.0, 0.0), 0.0
+        return Increment(
+            stride.start_ns,
+            stride.end_ns,
+            displacement_m,
+            wrap_rad(self._heading_rad - before_rad),
+            self._heading_rad,
+            covariance,
+            path,
+        )
+
+
+def agent_covariance(stride: Stride, stood_rad2: float, frame_turn_rad: float) -> Covariance4:
+    """Return the covariance of ``stride`` in the frame turned by ``frame_turn_rad``.
+
+    A stride is told given the heading at its start; ``stood_rad2`` is the variance of what was
+    turned since the last increment's end, and turns the whole stride.
+    """
+    north_m, east_m, _ = stride.displacement_m
+    lever = np.array([-east_m, north_m, 0.0, 1.0])
+    c, s = math.cos(frame_turn_rad), math.sin(frame_turn_rad)
+    turn = np.eye(4)
+    turn[:2, :2] = [[c, -s], [s, c]]
+    covariance = np.array(stride.covariance) + stood_rad2 * np.outer(lever, lever)
+    nn, ne, nd, nh, ee, ed, eh, dd, dh, hh = (turn @ covariance @ turn.T)[UPPER].tolist()
+    return (nn, ne, nd, nh, ee, ed, eh, dd, dh, hh)

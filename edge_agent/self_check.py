@@ -1,0 +1,315 @@
+"""What is wrong with the sensor (pure): found in its samples, said so that a firefighter can act.
+
+Samples are looked at a second at a time, and findings are over the last ten of those, so that a
+fault that comes and goes is neither missed nor flickers. Temperature is not judged: no sample
+carries it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+from itertools import chain
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edge_agent.mounts.intake import LARGEST_READING
+from edge_agent.mounts.interface import Faults, Increment
+from shared.messages import HealthLevel, ImuSample
+from shared.units import NS_PER_S
+
+Array: TypeAlias = NDArray[np.float64]
+
+BLOCK_NS = NS_PER_S
+BLOCKS = 10
+STRIDES = 20
+BUNCHED_SHARE = 0.02
+"""More steps than this shorter than half the usual one: samples come in bunches."""
+
+SHORTEST_PERIOD_S = 0.0005
+"""No boot sensor is read faster."""
+
+
+class SelfCheckSettings(NamedTuple):
+    """Limits. Where there are two, the first is a warning's and the second a fault's.
+
+    A sensor stands still while rates scatter by less than ``still_rad_s`` and force by less than
+    ``still_m_s2``. A flat top is ``flat_samples`` of the same reading beyond ``high_m_s2`` or
+    ``high_rad_s``. ``nominal_rate_hz`` is what the sensor ought to run at, if that is known.
+    """
+
+    period_s: float = 10.0
+    stall_s: float = 1.0
+    nominal_rate_hz: float | None = None
+    rate_share: float = 0.01
+    missing: tuple[float, float] = (0.02, 0.2)
+    unusable: tuple[float, float] = (0.0, 0.05)
+    flat_samples: int = 3
+    high_m_s2: float = 30.0
+    high_rad_s: float = 3.5
+    flat_top: tuple[float, float] = (0.001, 0.01)
+    still_rad_s: float = 0.03
+    still_m_s2: float = 0.15
+    bias_rad_s: tuple[float, float] = (math.radians(2.0), math.radians(6.0))
+    gravity_m_s2: float = 9.81
+    gravity_off_m_s2: tuple[float, float] = (0.4, 1.2)
+    stuck_blocks: int = 3
+    moving_m_s2: float = 1.0
+    moving_rad_s: float = 0.3
+    long_swing_s: float = 3.0
+    no_stance: tuple[float, float] = (0.3, 0.6)
+
+
+class HealthReport(NamedTuple):
+    """Findings in words, worst first, and the level of the worst."""
+
+    time_ns: int
+    level: HealthLevel
+    findings: tuple[str, ...]
+
+
+class _Finding(NamedTuple):
+    level: HealthLevel
+    words: str
+
+
+class _Block(NamedTuple):
+    """A second of samples. ``low`` and ``high`` (6,) bound what each axis read, force first."""
+
+    size: int
+    missing: float
+    rate_hz: float
+    flat_top_force: int
+    flat_top_rate: int
+    low: Array
+    high: Array
+    faults: Faults
+
+
+class SelfCheck:
+    """Takes samples and increments in order; reports on change, and every ``period_s``.
+
+    ``faults`` are the counts of the mount that is given the same samples.
+    """
+
+    def __init__(self, faults: Faults, settings: SelfCheckSettings | None = None) -> None:
+        self._faults = faults
+        self._settings = settings or SelfCheckSettings()
+        self._counted = replace(faults)
+        self._samples: list[ImuSample] = []
+        self._block_from_ns: int | None = None
+        self._newest_ns = 0
+        self._blocks: deque[_Block] = deque(maxlen=BLOCKS)
+        self._bias_rad_s = 0.0
+        self._gravity_off_m_s2 = 0.0
+        self._strides: deque[float] = deque(maxlen=STRIDES)
+        self._told: tuple[_Finding, ...] | None = None
+        self._told_ns = 0
+
+    def take_sample(self, sample: ImuSample) -> HealthReport | None:
+        """Take in a sample as it came from the source; return a report if one is due."""
+        self._samples.append(sample)
+        now_ns = sample.time_ns
+        self._newest_ns = max(self._newest_ns, now_ns)
+        if self._block_from_ns is None:
+            self._block_from_ns = now_ns
+        if 0 <= now_ns - self._block_from_ns < BLOCK_NS:
+            return None
+        samples, self._samples = self._samples, []
+        self._block_from_ns = now_ns
+        self._look_at(samples)
+        return self._report(now_ns, self._findings())
+
+    def take_increment(self, increment: Increment) -> None:
+        """Take in a movement, for whether it ended in a stance in good time."""
+        self._strides.append((increment.end_time_ns - increment.start_time_ns) / NS_PER_S)
+
+    def pass_time(self, now_ns: int) -> HealthReport | None:
+        """Return the report that samples have stopped, if by ``now_ns`` they have, once.
+
+        It bears the time at which that became certain, whenever it is asked for.
+        """
+        stalled_ns = self._newest_ns + round(self._settings.stall_s * NS_PER_S)
+        if self._block_from_ns is None or now_ns < stalled_ns or self._told == _STALLED:
+            return None
+        return self._report(stalled_ns, _STALLED)
+
+    def _report(self, now_ns: int, findings: tuple[_Finding, ...]) -> HealthReport | None:
+        due = now_ns - self._told_ns >= self._settings.period_s * NS_PER_S
+        if self._told is not None and not due and _kinds(findings) == _kinds(self._told):
+            return None
+        self._told, self._told_ns = findings, now_ns
+        level = findings[0].level if findings else "ok"
+        return HealthReport(now_ns, level, tuple(finding.words for finding in findings))
+
+    def _look_at(self, samples: list[ImuSample]) -> None:
+        """Measure a block; bias and gravity too, if the sensor stood still in it."""
+        faults, self._counted = self._counted, replace(self._faults)
+        since = Faults(
+            self._faults.unusable - faults.unusable,
+            self._faults.out_of_order - faults.out_of_order,
+            self._faults.gaps - faults.gaps,
+            self._faults.restarts - faults.restarts,
+        )
+        values = chain.from_iterable((*one.force_m_s2, *one.rate_rad_s) for one in samples)
+        readings = np.fromiter(values, np.float64, 6 * len(samples)).reshape(-1, 6)
+        readings = readings[(np.abs(readings) <= LARGEST_READING).all(axis=1)]
+        if not len(readings):
+            readings = np.full((1, 6), np.nan)
+        missing, rate_hz = _pace(np.diff([one.time_ns for one in samples]) / NS_PER_S)
+        self._blocks.append(
+            _Block(
+                len(samples),
+                missing,
+                rate_hz,
+                self._flat_tops(readings[:, :3], self._settings.high_m_s2),
+                self._flat_tops(readings[:, 3:], self._settings.high_rad_s),
+                readings.min(axis=0),
+                readings.max(axis=0),
+                since,
+            )
+        )
+        self._measure_stillness(readings)
+
+    def _measure_stillness(self, readings: Array) -> None:
+        settings = self._settings
+        scatter = readings.std(axis=0)
+        if len(readings) < 10 or scatter[3:].max() > settings.still_rad_s:
+            return
+        if scatter[:3].max() <= settings.still_m_s2:
+            force, rate = readings[:, :3].mean(axis=0), readings[:, 3:].mean(axis=0)
+            self._bias_rad_s = float(np.linalg.norm(rate))
+            self._gravity_off_m_s2 = float(np.linalg.norm(force)) - settings.gravity_m_s2
+
+    def _flat_tops(self, readings: Array, high: float) -> int:
+        """Return how many samples are in runs of the same high reading."""
+        same = (readings[1:] == readings[:-1]) & (np.abs(readings[1:]) > high)
+        run = same
+        for _ in range(self._settings.flat_samples - 2):
+            run = run[1:] & same[: len(run) - 1]
+        return int(np.count_nonzero(run.any(axis=1)))
+
+    def _findings(self) -> tuple[_Finding, ...]:
+        found = [
+            *self._of_stream(),
+            *self._of_axes(),
+            *self._of_range(),
+            *self._of_calibration(),
+            *self._of_stances(),
+        ]
+        return tuple(sorted(found, key=lambda finding: finding.level != "fault"))
+
+    def _of_stream(self) -> list[_Finding]:
+        settings, blocks = self._settings, self._blocks
+        count = sum(block.size for block in blocks)
+        found: list[_Finding] = []
+        unusable = sum(block.faults.unusable for block in blocks) / count
+        if level := _level(unusable, settings.unusable):
+            words = f"Boot sensor sends {unusable:.1%} unreadable values: check its plug and cable"
+            found.append(_Finding(level, words))
+        lost = sum(block.missing for block in blocks)
+        missing = lost / (lost + count)
+        if level := _level(missing, settings.missing):
+            words = f"{missing:.0%} of the boot sensor's readings are missing: check its link"
+            found.append(_Finding(level, words))
+        if any(block.faults.restarts for block in blocks):
+            found.append(_Finding("warning", "Boot sensor's clock was set back: restart the unit"))
+        elif any(block.faults.out_of_order for block in blocks):
+            found.append(_Finding("warning", "Boot sensor's readings come out of order"))
+        found += self._of_rate()
+        return found
+
+    def _of_rate(self) -> list[_Finding]:
+        nominal_hz = self._settings.nominal_rate_hz
+        rate_hz = float(np.median([block.rate_hz for block in self._blocks]))
+        if nominal_hz is None or abs(rate_hz / nominal_hz - 1.0) <= self._settings.rate_share:
+            return []
+        words = f"Boot sensor reads {rate_hz:.1f} times a second, not {nominal_hz:.0f}: set it up"
+        return [_Finding("warning", words)]
+
+    def _of_axes(self) -> list[_Finding]:
+        settings = self._settings
+        if len(self._blocks) < settings.stuck_blocks:
+            return []
+        recent = list(self._blocks)[-settings.stuck_blocks :]
+        low = np.min([block.low for block in recent], axis=0)
+        span = np.max([block.high for block in recent], axis=0) - low
+        stuck = span == 0.0
+        if stuck.all():
+            return [_Finding("fault", "Boot sensor repeats one reading: restart it, or swap it")]
+        # At rest, a coarse sensor may well read the same for a while.
+        moves = span[:3].max() > settings.moving_m_s2 or span[3:].max() > settings.moving_rad_s
+        if stuck.any() and moves:
+            words = "Boot sensor reads the same value on one axis: swap it"
+            return [_Finding("fault", words)]
+        return []
+
+    def _of_range(self) -> list[_Finding]:
+        count = sum(block.size for block in self._blocks)
+        tops = (
+            ("impacts", sum(block.flat_top_force for block in self._blocks) / count),
+            ("turns", sum(block.flat_top_rate for block in self._blocks) / count),
+        )
+        return [
+            _Finding(level, f"Boot {what} are beyond the sensor's range: positions get worse")
+            for what, share in tops
+            if (level := _level(share, self._settings.flat_top))
+        ]
+
+    def _of_calibration(self) -> list[_Finding]:
+        settings = self._settings
+        found = []
+        if level := _level(self._bias_rad_s, settings.bias_rad_s):
+            bias_deg_s = math.degrees(self._bias_rad_s)
+            words = f"Boot sensor turns by {bias_deg_s:.1f} °/s while it rests: headings will drift"
+            found.append(_Finding(level, words))
+        if level := _level(abs(self._gravity_off_m_s2), settings.gravity_off_m_s2):
+            gravity_m_s2 = settings.gravity_m_s2 + self._gravity_off_m_s2
+            words = f"Boot sensor reads gravity as {gravity_m_s2:.1f}, not 9.8: have it calibrated"
+            found.append(_Finding(level, words))
+        return found
+
+    def _of_stances(self) -> list[_Finding]:
+        settings, strides = self._settings, self._strides
+        if len(strides) < STRIDES // 4:
+            return []
+        lost_s = sum(stride_s for stride_s in strides if stride_s > settings.long_swing_s)
+        level = _level(lost_s / sum(strides), settings.no_stance)
+        words = "Boot is rarely found at rest while moving: fasten the sensor tightly"
+        return [_Finding(level, words)] if level else []
+
+
+def _pace(step_s: Array) -> tuple[float, float]:
+    """Return how many samples are missing between steps (n,) of time, and the rate in Hz.
+
+    Where they come in bunches, time stamps say when they arrived, and not which are missing.
+    """
+    step_s = step_s[step_s >= 0.0]
+    if not step_s.size or step_s.sum() == 0.0:
+        return 0.0, 0.0
+    usual_s = float(np.median(step_s))
+    if np.mean(step_s < max(0.5 * usual_s, SHORTEST_PERIOD_S)) > BUNCHED_SHARE:
+        return 0.0, step_s.size / float(step_s.sum())
+    return float(np.sum(np.maximum(np.round(step_s / usual_s) - 1.0, 0.0))), 1.0 / usual_s
+
+
+def _level(measure: float, limits: tuple[float, float]) -> HealthLevel | None:
+    """Return how bad a measure is, ``None`` for not at all."""
+    warning, fault = limits
+    if measure > fault:
+        return "fault"
+    return "warning" if measure > warning else None
+
+
+def _kinds(findings: tuple[_Finding, ...]) -> list[tuple[str, str]]:
+    """Return what findings are about, without the numbers in their words."""
+    return [
+        (finding.level, "".join(letter for letter in finding.words if not letter.isdigit()))
+        for finding in findings
+    ]
+
+
+_STALLED = (_Finding("fault", "Boot sensor has stopped sending: check its battery and its cable"),)

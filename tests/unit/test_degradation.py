@@ -1,0 +1,175 @@
+"""What each degradation does to the samples, and that it does nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+
+from edge_agent.evaluation.degradation import (
+    DEGRADATIONS,
+    NOISE_M_S2,
+    NOISE_RAD_S,
+    averaged,
+    biased,
+    clipped,
+    decimated,
+    interrupted,
+    noisy,
+    scaled,
+    thinned,
+)
+from edge_agent.evaluation.truth import Array, Height, Truth
+from edge_agent.sources.recording import Recording
+from shared.units import NS_PER_S
+
+Lower: TypeAlias = Callable[[Recording, float], Recording]
+
+
+def recording(rate_hz: float = 200.0, duration_s: float = 30.0) -> Recording:
+    """Slow sines about 5 on force's axes and 0 on rate's, at even times from 3 s on."""
+    count = round(duration_s * rate_hz)
+    time_ns = 3 * NS_PER_S + np.rint(np.arange(count) / rate_hz * NS_PER_S).astype(np.int64)
+    wave = np.sin(2.0 * np.arange(count)[:, None] / rate_hz + np.array([0.0, 1.0, 2.0]))
+    return Recording(time_ns, 5.0 + wave, 2.0 * wave, 40.0 + wave)
+
+
+def chance() -> np.random.Generator:
+    return np.random.default_rng(11)
+
+
+def integral(read: Recording) -> Array:
+    """Trapezoidal integral of force over the recording."""
+    return np.asarray(np.trapezoid(read.force_m_s2, read.time_ns / NS_PER_S, axis=0))
+
+
+def test_averaging_by_two_is_the_mean_of_pairs() -> None:
+    read = recording()
+    half = averaged(read, 100.0)
+    np.testing.assert_allclose(half.force_m_s2, read.force_m_s2.reshape(-1, 2, 3).mean(axis=1))
+    np.testing.assert_allclose(half.rate_rad_s, read.rate_rad_s.reshape(-1, 2, 3).mean(axis=1))
+    np.testing.assert_allclose(half.time_ns, read.time_ns.reshape(-1, 2).mean(axis=1), atol=1.0)
+    assert half.field_ut is not None
+    assert len(half.field_ut) == len(half)
+
+
+@pytest.mark.parametrize("from_hz", [204.8, 250.0, 397.7])
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0])
+def test_averaging_keeps_integrals_at_any_pair_of_rates(from_hz: float, rate_hz: float) -> None:
+    read = recording(from_hz)
+    slow = averaged(read, rate_hz)
+    np.testing.assert_allclose(np.diff(slow.time_ns) / NS_PER_S, 1.0 / rate_hz, atol=2e-9)
+    cut = read.time_ns <= slow.time_ns[-1]
+    whole = replace(read, time_ns=read.time_ns[cut], force_m_s2=read.force_m_s2[cut])
+    np.testing.assert_allclose(integral(slow), integral(whole), atol=0.1)
+
+
+def test_averaging_takes_away_what_is_too_fast_and_decimating_does_not() -> None:
+    read = recording()
+    buzz = np.where(np.arange(len(read)) % 2, 1.0, -1.0)[:, None]
+    shaken = replace(read, force_m_s2=read.force_m_s2 + buzz)
+    np.testing.assert_allclose(
+        averaged(shaken, 100.0).force_m_s2, averaged(read, 100.0).force_m_s2, atol=1e-9
+    )
+    off = decimated(shaken, 100.0).force_m_s2 - decimated(read, 100.0).force_m_s2
+    np.testing.assert_allclose(off, -1.0)
+
+
+@pytest.mark.parametrize("from_hz", [200.0, 250.0, 397.7])
+def test_decimating_keeps_samples_as_they_are(from_hz: float) -> None:
+    read = recording(from_hz)
+    few = decimated(read, 100.0)
+    rows = np.searchsorted(read.time_ns, few.time_ns)
+    np.testing.assert_array_equal(read.time_ns[rows], few.time_ns)
+    np.testing.assert_array_equal(read.rate_rad_s[rows], few.rate_rad_s)
+    assert len(few) == pytest.approx(3000, abs=2)
+
+
+@pytest.mark.parametrize("lower", [averaged, decimated])
+def test_a_slow_recording_is_not_made_faster(lower: Lower) -> None:
+    read = recording(60.0)
+    assert lower(read, 100.0) is read
+
+
+@pytest.mark.parametrize("lower", [averaged, decimated])
+def test_times_that_go_back_are_refused(lower: Lower) -> None:
+    read = recording()
+    with pytest.raises(ValueError, match="do not rise"):
+        lower(replace(read, time_ns=read.time_ns[::-1]), 100.0)
+
+
+def test_ranges_end_on_both_sides() -> None:
+    read = recording()
+    worse = clipped(replace(read, force_m_s2=-read.force_m_s2), 5.5, 1.5)
+    assert worse.force_m_s2.min() == -5.5
+    assert (worse.rate_rad_s.min(), worse.rate_rad_s.max()) == (-1.5, 1.5)
+    inside = np.abs(read.rate_rad_s) < 1.5
+    np.testing.assert_array_equal(worse.rate_rad_s[inside], read.rate_rad_s[inside])
+
+
+def test_bias_and_scale_are_what_they_say() -> None:
+    read = recording()
+    np.testing.assert_allclose(biased(read, 0.1).rate_rad_s - read.rate_rad_s, 0.1)
+    np.testing.assert_allclose(scaled(read, 1.01).force_m_s2 / read.force_m_s2, 1.01)
+
+
+def test_noise_is_as_strong_as_it_says() -> None:
+    read = recording()
+    worse = noisy(read, chance())
+    assert np.std(worse.force_m_s2 - read.force_m_s2) == pytest.approx(NOISE_M_S2, rel=0.03)
+    assert np.std(worse.rate_rad_s - read.rate_rad_s) == pytest.approx(NOISE_RAD_S, rel=0.03)
+
+
+def test_one_in_twenty_is_lost() -> None:
+    read = recording()
+    left = thinned(read, chance(), 0.05)
+    assert len(left) == pytest.approx(0.95 * len(read), rel=0.01)
+    assert set(left.time_ns.tolist()) < set(read.time_ns.tolist())
+
+
+def test_gaps_come_as_often_as_they_say() -> None:
+    left = interrupted(recording(), 0.2, 10.0)
+    since_s = np.diff(left.time_ns) / NS_PER_S
+    assert since_s[since_s > 0.1] == pytest.approx([0.205, 0.205])
+    assert len(left) == 6000 - 3 * 40
+
+
+def test_a_wrong_clock_is_wrong_for_samples_and_truth_alike() -> None:
+    read = recording()
+    times_s = np.array([4.0, 5.0, 6.0])
+    truth = Truth(times_s, np.zeros((3, 2)), Height(times_s, times_s))
+    worse, told = DEGRADATIONS["clock +0.5 %"].apply(read, truth, chance())
+    np.testing.assert_allclose(worse.time_ns, 1.005 * read.time_ns, rtol=1e-9)
+    assert told is not None
+    assert told.height is not None
+    np.testing.assert_allclose(told.time_s, 1.005 * times_s)
+    np.testing.assert_allclose(told.height.time_s, 1.005 * times_s)
+    np.testing.assert_array_equal(told.height.down_m, times_s)
+
+
+@pytest.mark.parametrize("name", DEGRADATIONS)
+def test_the_same_chance_gives_the_same_and_the_recording_is_left_alone(name: str) -> None:
+    read, untouched = recording(), recording()
+    worse, again = (DEGRADATIONS[name].apply(read, None, chance())[0] for _ in range(2))
+    for array in ("time_ns", "force_m_s2", "rate_rad_s", "field_ut"):
+        np.testing.assert_array_equal(getattr(worse, array), getattr(again, array))
+        np.testing.assert_array_equal(getattr(read, array), getattr(untouched, array))
+        assert len(getattr(worse, array)) == len(worse)
+
+
+@pytest.mark.parametrize("name", DEGRADATIONS)
+def test_each_degradation_degrades(name: str) -> None:
+    read = recording()
+    hard = replace(
+        read, force_m_s2=read.force_m_s2 * 30.0, rate_rad_s=read.rate_rad_s * math.radians(600.0)
+    )
+    worse, _ = DEGRADATIONS[name].apply(hard, None, chance())
+    assert not (
+        np.array_equal(worse.time_ns, hard.time_ns)
+        and np.array_equal(worse.force_m_s2, hard.force_m_s2)
+        and np.array_equal(worse.rate_rad_s, hard.rate_rad_s)
+    )
