@@ -26,8 +26,9 @@ POST_ID = "post"
 LAUNCHER_ID = "launcher"
 READY_TIMEOUT_S = 90.0
 POLL_S = 0.1
-LAST_WORDS_S = 3.0
-"""Of the exercise: longer than events are held back for their order."""
+SHORTEST_HOLD_S = 1.5
+LATEST_S = 0.3
+"""How late, in real time, a busy machine may make a message."""
 
 SHORTEST_PAUSE_S = 0.2
 
@@ -43,8 +44,14 @@ class DemoSettings(NamedTuple):
     scenario: Scenario
     seed: int
     speed: float
+    method: str | None
     directory: Path
     shows_table: bool
+
+    @property
+    def hold_s(self) -> float:
+        """Seconds of the exercise that events wait: processes are late by real time."""
+        return max(SHORTEST_HOLD_S, self.speed * LATEST_S)
 
     @property
     def recording(self) -> Path:
@@ -102,7 +109,7 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
         POST_ID,
         "command_post",
         ("run", "--id", POST_ID, *common, "--listen", locators[POST_ID],
-         "--record", str(settings.recording), *seed, *table),
+         "--record", str(settings.recording), *seed, "--hold", str(settings.hold_s), *table),
         shows=True,
     )  # fmt: skip
     for dap_id in settings.scenario.daps:
@@ -112,12 +119,13 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
             ("run", "--id", dap_id, *common, "--scan", simulated, *seed,
              "--listen", locators[dap_id], "--connect", locators[POST_ID]),
         )  # fmt: skip
+    method = () if settings.method is None else ("--method", settings.method)
     dials = [part for name in reversed(names) for part in ("--connect", locators[name])]
     for responder_id in settings.scenario.responders:
         children.start(
             responder_id,
             "edge_agent",
-            ("run", "--id", responder_id, *common, "--source", simulated, *seed, *dials),
+            ("run", "--id", responder_id, *common, "--source", simulated, *seed, *method, *dials),
         )
     return locators
 
@@ -177,7 +185,7 @@ def _wait_until_finished(
                 say(f"{name} ended with exit code {exit_code}; going on without")
         walking = settings.scenario.responders.keys() & set(children.running())
         if all(finished_key(INCIDENT, one) in finished for one in walking):
-            return not stop.wait(max(LAST_WORDS_S / settings.speed, SHORTEST_PAUSE_S))
+            return not stop.wait(max(settings.hold_s / settings.speed, SHORTEST_PAUSE_S))
         if stop.wait(POLL_S):
             return False
 

@@ -12,14 +12,19 @@ import msgspec
 
 from command_post.evaluation import RunErrors, measure
 from command_post.incident import IncidentSettings
-from command_post.rehearsal import evidence_of, rehearse_nodes
+from command_post.rehearsal import Agents, evidence_of, rehearse_nodes
 
 SEEDS_A_CHUNK = 5
 """The nodes' programs start once for this many runs."""
 
 
 def run_many(
-    scenario_name: str, runs: int, first_seed: int, settings: IncidentSettings, workers: int
+    scenario_name: str,
+    runs: int,
+    first_seed: int,
+    settings: IncidentSettings,
+    method: str | None,
+    workers: int,
 ) -> Iterator[list[RunErrors]]:
     """Yield the errors of ``runs`` rehearsals chunk by chunk, in the order of their seeds.
 
@@ -29,16 +34,16 @@ def run_many(
     """
     starts = range(first_seed, first_seed + runs, SEEDS_A_CHUNK)
     end = first_seed + runs
-    chunk = partial(_run_chunk, scenario_name, settings)
+    chunk = partial(_run_chunk, scenario_name, settings, Agents(method, imu=False))
     with ProcessPoolExecutor(workers) as pool:
         yield from pool.map(chunk, starts, [min(SEEDS_A_CHUNK, end - start) for start in starts])
 
 
 def _run_chunk(
-    scenario_name: str, settings: IncidentSettings, first_seed: int, count: int
+    scenario_name: str, settings: IncidentSettings, agents: Agents, first_seed: int, count: int
 ) -> list[RunErrors]:
     with tempfile.TemporaryDirectory(prefix="clew-montecarlo-") as folder:
-        rehearse_nodes(scenario_name, first_seed, count, Path(folder), imu=False)
+        rehearse_nodes(scenario_name, first_seed, count, Path(folder), agents)
         return [
             measure(evidence_of(Path(folder) / str(seed), _seeded(settings, seed)))
             for seed in range(first_seed, first_seed + count)

@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from command_post.evidence import Evidence
 from command_post.incident import Incident, IncidentSettings
@@ -26,15 +27,31 @@ class RehearsalError(RuntimeError):
     """A node's program failed in rehearsal; the text is what it said."""
 
 
+class Agents(NamedTuple):
+    """What the agents of an exercise are told.
+
+    ``method`` is how they read their boots, ``None`` for the agents' own default; ``imu`` whether
+    they publish the raw samples.
+    """
+
+    method: str | None
+    imu: bool
+
+    def options(self) -> tuple[str, ...]:
+        """Return it as ``edge-agent``'s arguments."""
+        method = () if self.method is None else ("--method", self.method)
+        return (*method, "--imu" if self.imu else "--no-imu")
+
+
 def rehearse_nodes(
-    scenario_name: str, first_seed: int, count: int, directory: Path, *, imu: bool
+    scenario_name: str, first_seed: int, count: int, directory: Path, agents: Agents
 ) -> None:
     """Let agents and DAPs write their wire logs for ``count`` seeds: ``{seed}/{node}.wire``.
 
-    ``imu``: raw samples as well. Raises ``RehearsalError`` when one of the programs fails.
+    Raises ``RehearsalError`` when one of the programs fails.
     """
     seeds = f"{first_seed}-{first_seed + count - 1}"
-    for module, *options in (("edge_agent", "--imu" if imu else "--no-imu"), ("dap_node",)):
+    for module, options in (("edge_agent", agents.options()), ("dap_node", ())):
         ended = subprocess.run(  # noqa: S603
             [sys.executable, "-m", module, "rehearse", scenario_name,
              "--seeds", seeds, "--output", str(directory), *options],
@@ -55,8 +72,8 @@ def rehearse(
     seed: int,
     settings: IncidentSettings,
     path: Path,
+    agents: Agents,
     *,
-    imu: bool,
     replace: bool,
 ) -> None:
     """Run ``scenario_name`` offline and record it, estimates included, at ``path``.
@@ -64,7 +81,7 @@ def rehearse(
     Raises ``RehearsalError``, and ``RecorderError`` where ``path`` cannot be written.
     """
     with tempfile.TemporaryDirectory(prefix="clew-rehearsal-") as folder:
-        rehearse_nodes(scenario_name, seed, 1, Path(folder), imu=imu)
+        rehearse_nodes(scenario_name, seed, 1, Path(folder), agents)
         file = RecordingFile(path, settings.as_metadata(), replace=replace)
         incident = RecordedIncident(Incident(settings), file)
         now_ns = 0

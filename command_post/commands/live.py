@@ -10,7 +10,7 @@ from typing import Annotated
 
 import msgspec
 import structlog
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.live import Live
 
@@ -18,6 +18,7 @@ from command_post.commands.scoring import read_evidence, show_score
 from command_post.demo import DemoError, DemoSettings, run_demo
 from command_post.evaluation import measure, score
 from command_post.fusion.settings import FusionSettings
+from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
 from command_post.recording import Recorder
@@ -45,6 +46,7 @@ def run(
     listen: str = DEFAULT_LISTEN,
     seed: int = 1,
     particles: int = 1000,
+    hold_s: Annotated[float, Parameter(name="--hold")] = 1.5,
     table: bool = False,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
@@ -67,6 +69,8 @@ def run(
         Of the particle filters' random numbers.
     particles
         For each responder.
+    hold_s
+        Seconds that events wait for earlier ones before they are fused.
     table
         Show the roster on standard output.
     await_start
@@ -79,6 +83,7 @@ def run(
         settings = IncidentSettings(
             incident=check_id(incident, "--incident"),
             post_id=check_id(post_id, "--id"),
+            time_line=checked(TimeLineSettings(hold_s=hold_s)),
             fusion=checked(FusionSettings(seed=seed, particles=particles)),
         )
         with stop_on_signals() as stop, open_zenoh("router", listen=[listen]) as bus:
@@ -114,7 +119,8 @@ def demo(
     *,
     scenario: str = "four_daps",
     seed: int = 1,
-    speed: float = 1.0,
+    speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1000.0))] = 1.0,
+    method: str | None = None,
     output: Path = Path("clew-demo"),
     json: bool = False,
 ) -> int:
@@ -131,6 +137,8 @@ def demo(
         Of the simulated world and of the fusion.
     speed
         How many times as fast as real.
+    method
+        How the agents read their boots: eskf or linear; the agents' own default if not given.
     output
         Folder for what it leaves; what an earlier demo left there is replaced.
     json
@@ -139,7 +147,7 @@ def demo(
     """
     try:
         loaded = load_scenario(scenario)
-        settings = DemoSettings(scenario, loaded, seed, speed, output, shows_table=not json)
+        settings = DemoSettings(scenario, loaded, seed, speed, method, output, shows_table=not json)
         settings.clear()
     except (ConfigError, OSError, ValueError) as error:
         _log.error(str(error))

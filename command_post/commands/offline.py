@@ -17,7 +17,7 @@ from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
 from command_post.monte_carlo import run_many
 from command_post.recording_file import RecorderError
-from command_post.rehearsal import RehearsalError
+from command_post.rehearsal import Agents, RehearsalError
 from command_post.rehearsal import rehearse as rehearse_scenario
 from command_post.score_table import pooled_table
 from shared.config import checked
@@ -35,6 +35,7 @@ def rehearse(
     *,
     output: Path,
     seed: int = 1,
+    method: str | None = None,
     imu: bool = True,
     replace: bool = False,
 ) -> int:
@@ -50,6 +51,8 @@ def rehearse(
         Where the recording goes.
     seed
         Of the simulated world and of the fusion.
+    method
+        How the agents read their boots: eskf or linear; the agents' own default if not given.
     imu
         Record the raw samples as well.
     replace
@@ -60,7 +63,7 @@ def rehearse(
         fusion = checked(FusionSettings(seed=seed))
         settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
         load_scenario(scenario)
-        rehearse_scenario(scenario, seed, settings, output, imu=imu, replace=replace)
+        rehearse_scenario(scenario, seed, settings, output, Agents(method, imu), replace=replace)
     except (ValueError, RecorderError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
@@ -76,6 +79,7 @@ def montecarlo(
     runs: Positive = 20,
     seed: int = 0,
     particles: int = 1000,
+    method: str | None = None,
     workers: Positive = 2,
     json: bool = False,
 ) -> int:
@@ -93,6 +97,8 @@ def montecarlo(
         Of the first run; each next one's is one higher.
     particles
         For each responder.
+    method
+        How the agents read their boots: eskf or linear; the agents' own default if not given.
     workers
         Processes that share the work.
     json
@@ -110,7 +116,7 @@ def montecarlo(
             for name in scenario:
                 task = bar.add_task(name, total=runs)
                 errors[Path(name).stem] = []
-                for chunk in run_many(name, runs, seed, settings, workers):
+                for chunk in run_many(name, runs, seed, settings, method, workers):
                     errors[Path(name).stem].extend(chunk)
                     bar.advance(task, len(chunk))
     except ValueError as error:
