@@ -115,7 +115,7 @@ class Agent:
                 self._standing[event.kind] = (event, sample.time_ns)
             self._send_alarm(event)
         for kind, (event, said_ns) in self._standing.items():
-            if sample.time_ns - said_ns >= ALARM_REPEAT_NS:
+            if not 0 <= sample.time_ns - said_ns < ALARM_REPEAT_NS:
                 self._standing[kind] = (event, sample.time_ns)
                 self._send_alarm(event)
         report = self._self_check.take_sample(sample)

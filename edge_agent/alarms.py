@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from edge_agent.confidence import confidence_of
-from edge_agent.mounts.intake import LARGEST_READING
+from edge_agent.mounts.intake import LARGEST_READING, RESTART_AFTER
 from shared.maths.rotations import Vector3, angle_between_rad
 from shared.messages import AlarmKind, AlarmPhase, ImuSample
 from shared.units import NS_PER_S
@@ -84,11 +84,16 @@ class AlarmWatch:
     def take_sample(self, sample: ImuSample) -> list[AlarmEvent]:
         """Take in a sample; return what it raises or cancels.
 
-        One that no sensor can have read, or that is not later than the last, is passed over.
+        One that no sensor can have read, or that is not later than the last, is passed over;
+        a clock that stays set back is believed, and what stillness there was still counts.
         """
         force_m_s2 = math.hypot(*sample.force_m_s2)
-        stillness, now_ns = self._stillness, sample.time_ns
-        if not force_m_s2 <= LARGEST_READING or not stillness.take(sample):
+        if not force_m_s2 <= LARGEST_READING:
+            return []
+        stillness, now_ns, before_ns = self._stillness, sample.time_ns, self._stillness.newest_ns
+        if not stillness.take(sample):
+            if stillness.newest_ns < before_ns:
+                self._fall = _FallSigns(self._settings)
             return []
         self._fall.take(now_ns, force_m_s2, stillness, self.flat)
         if stillness.still_since_ns == now_ns:
@@ -135,7 +140,8 @@ class _Stillness:
 
     def __init__(self, settings: AlarmSettings) -> None:
         self._settings = settings
-        self._last_ns: int | None = None
+        self.newest_ns = -1
+        self._backward = 0
         self._quick: Vector3 = (0.0, 0.0, 0.0)
         self._stirred_s = 0.0
         self.force_m_s2: Vector3 = (0.0, 0.0, 0.0)
@@ -148,11 +154,17 @@ class _Stillness:
         """Take in a sample; return whether it tells anything."""
         wx, wy, wz = sample.rate_rad_s
         rate2 = wx * wx + wy * wy + wz * wz
-        now_ns, last_ns, settings = sample.time_ns, self._last_ns, self._settings
-        if not rate2 <= LARGEST_READING**2 or (last_ns is not None and now_ns <= last_ns):
+        now_ns, last_ns, settings = sample.time_ns, self.newest_ns, self._settings
+        if not rate2 <= LARGEST_READING**2:
             return False
-        self._last_ns = now_ns
-        if last_ns is None:
+        if now_ns <= last_ns:
+            self._backward += 1
+            if self._backward >= RESTART_AFTER:
+                self._move_times(now_ns)
+            return False
+        self._backward = 0
+        self.newest_ns = now_ns
+        if last_ns < 0:
             self._quick = self.force_m_s2 = sample.force_m_s2
             self.still_since_ns = self.moving_since_ns = now_ns
             return False
@@ -175,6 +187,13 @@ class _Stillness:
                 self.moving_since_ns = now_ns
             self.still_since_ns = now_ns
         return True
+
+    def _move_times(self, now_ns: int) -> None:
+        """Carry what is known over to a clock that has been set back to ``now_ns``."""
+        by_ns = now_ns - self.newest_ns
+        self.still_since_ns += by_ns
+        self.moving_since_ns += by_ns
+        self.newest_ns, self._backward = now_ns, 0
 
     def _average(self, force_m_s2: Vector3, since_s: float) -> float:
         """Follow specific force quickly and slowly; return how far apart the two are."""

@@ -113,7 +113,7 @@ class SelfCheck:
         """Take in a sample as it came from the source; return a report if one is due."""
         self._samples.append(sample)
         now_ns = sample.time_ns
-        self._newest_ns = max(self._newest_ns, now_ns)
+        self._newest_ns = now_ns
         if self._block_from_ns is None:
             self._block_from_ns = now_ns
         if 0 <= now_ns - self._block_from_ns < BLOCK_NS:
@@ -138,7 +138,7 @@ class SelfCheck:
         return self._report(stalled_ns, _STALLED)
 
     def _report(self, now_ns: int, findings: tuple[_Finding, ...]) -> HealthReport | None:
-        due = now_ns - self._told_ns >= self._settings.period_s * NS_PER_S
+        due = not 0 <= now_ns - self._told_ns < self._settings.period_s * NS_PER_S
         if self._told is not None and not due and _kinds(findings) == _kinds(self._told):
             return None
         self._told, self._told_ns = findings, now_ns

@@ -24,6 +24,13 @@ from shared.units import NS_PER_S
 
 GRAVITY_M_S2 = 9.81
 
+BROKEN_READINGS: dict[str, tuple[Vector3, Vector3]] = {
+    "not a number": ((math.nan, 0.0, -9.81), (0.0, 0.0, 0.0)),
+    "infinite": ((0.0, 0.0, -9.81), (0.0, math.inf, 0.0)),
+    "absurd": ((0.0, 3e5, -9.81), (0.0, 0.0, 0.0)),
+}
+"""Specific force and rate that no sensor can have read, by what is wrong with them."""
+
 
 @dataclass(frozen=True)
 class SyntheticWalk:
@@ -111,6 +118,13 @@ class SyntheticWalk:
         first = math.ceil(start_s * rate_hz)
         for index in range(first, int(self.duration_s * rate_hz) + 1):
             yield self.sample(index / rate_hz)
+
+    def samples_with_gap(self, rate_hz: float, gap_s: float) -> Iterator[ImuSample]:
+        """Every reading but those of ``gap_s`` from 0.2 s into the third swing on."""
+        start_s = self.standing_s + 2 * (self.swing_s + self.stance_s) + 0.2
+        for sample in self.samples(rate_hz):
+            if not start_s < sample.time_ns / NS_PER_S < start_s + gap_s:
+                yield sample
 
     def _phase(self, time_s: float) -> tuple[int, float]:
         """The stride under way, and how much of its swing is done, 0 to 1."""

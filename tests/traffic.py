@@ -7,12 +7,14 @@ from typing import NamedTuple
 
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
+    Alarm,
     DapEstimate,
     DapInstallation,
     ExerciseStart,
     ImuBatch,
     LocalPosition,
     Message,
+    NodeHealth,
     OdometryIncrement,
     ProximityEvent,
     RssiReport,
@@ -79,6 +81,10 @@ def one_of_each() -> dict[str, Message]:
             **common, position=_HERE, heading_sd_rad=0.2, mount="boot", method="entrance"
         ),
         "increment": increment(3),
+        "alarm": Alarm(
+            **common, kind="fall", phase="alarm", confidence=0.9, reason="impact, then still"
+        ),
+        "health": NodeHealth(**common, level="warning", findings=("Boot sensor runs slow",)),
         "imu": imu_batch(3, with_field=True),
         "rssi": RssiReport(**common, responder_id="r1", rssi_dbm=-61.0),
         "proximity": ProximityEvent(

@@ -223,8 +223,7 @@ def step(
     """Take one sample in; True when ``outcome`` has been given a new stride.
 
     Specific force in m/s² and angular rate in rad/s, sensor axes; ``dt_s`` since the sample
-    before; ``bridged`` says that the sample is only a place held for a
-    missing one.
+    before; ``bridged`` says that the sample only holds the place of a missing one.
     """
     s, o, p = state[0], outcome[0], parameters[0]
     n = s.head

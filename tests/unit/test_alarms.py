@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -114,6 +115,13 @@ def test_what_is_no_number_or_goes_back_is_passed_over() -> None:
     nothing = standing(3.0, 4.0, (math.nan, 0.0, 0.0))
     infinite = standing(4.0, 4.3, FLAT, (math.inf, 0.0, 0.0))
     assert told(standing(0.0, 3.0), nothing, infinite, standing(0.0, 2.0)) == []
+
+
+def test_a_clock_set_back_does_not_silence_the_watch() -> None:
+    late = (msgspec.structs.replace(one, time_ns=one.time_ns + 10**12) for one in moving(0.0, 15.0))
+    events = told(late, standing(0.0, 32.0))
+    assert [event.phase for event in events] == ["pre_alarm", "alarm"]
+    assert events[0].time_ns / NS_PER_S == pytest.approx(21.0, abs=0.1)
 
 
 def fall(force_after: tuple[float, float, float], knock_m_s2: float = 60.0) -> list[AlarmEvent]:

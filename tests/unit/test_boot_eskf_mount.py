@@ -20,7 +20,7 @@ from edge_agent.mounts.interface import Increment
 from shared.maths.angles import wrap_rad
 from shared.messages import ImuSample, Vector3
 from shared.units import NS_PER_S
-from tests.synthetic_boot import SyntheticWalk
+from tests.synthetic_boot import BROKEN_READINGS, SyntheticWalk
 
 FIELD_UT = (22.0, 0.0, 41.0)
 
@@ -172,17 +172,10 @@ def test_a_sample_from_the_past_changes_nothing_and_is_counted() -> None:
     assert mount.faults.out_of_order == 1
 
 
-BROKEN = {
-    "not a number": ((math.nan, 0.0, -9.81), (0.0, 0.0, 0.0)),
-    "infinite": ((0.0, 0.0, -9.81), (0.0, math.inf, 0.0)),
-    "absurd": ((0.0, 3e5, -9.81), (0.0, 0.0, 0.0)),
-}
-
-
-@pytest.mark.parametrize("why", BROKEN)
+@pytest.mark.parametrize("why", BROKEN_READINGS)
 def test_a_broken_sample_is_bridged(why: str) -> None:
     samples = list(SyntheticWalk().samples(100.0))
-    force, rate = BROKEN[why]
+    force, rate = BROKEN_READINGS[why]
     mount = EskfBootMount()
     increments = follow(
         mount,
@@ -194,10 +187,8 @@ def test_a_broken_sample_is_bridged(why: str) -> None:
 
 def in_swing(gap_s: float) -> tuple[EskfBootMount, list[Increment]]:
     """Follow a walk that loses ``gap_s`` of its third swing."""
-    walk, mount = SyntheticWalk(), EskfBootMount()
-    start_s = walk.standing_s + 2 * (walk.swing_s + walk.stance_s) + 0.2
-    kept = (s for s in walk.samples(100.0) if not start_s < s.time_ns / NS_PER_S < start_s + gap_s)
-    return mount, follow(mount, kept)
+    mount = EskfBootMount()
+    return mount, follow(mount, SyntheticWalk().samples_with_gap(100.0, gap_s))
 
 
 def test_a_short_gap_is_bridged_and_owned_to() -> None:

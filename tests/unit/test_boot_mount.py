@@ -16,7 +16,7 @@ from edge_agent.mounts.intake import RESTART_AFTER
 from edge_agent.mounts.interface import Increment
 from shared.messages import ImuSample
 from shared.units import NS_PER_S
-from tests.synthetic_boot import SyntheticWalk
+from tests.synthetic_boot import BROKEN_READINGS, SyntheticWalk
 
 
 def follow(mount: BootMount, samples: Iterable[ImuSample]) -> list[Increment]:
@@ -151,17 +151,10 @@ def test_repeated_and_backward_samples_change_nothing_and_are_counted() -> None:
     assert mount.faults.out_of_order == len(samples) + 1
 
 
-BROKEN = {
-    "not a number": ((math.nan, 0.0, -9.81), (0.0, 0.0, 0.0)),
-    "infinite": ((0.0, 0.0, -9.81), (0.0, math.inf, 0.0)),
-    "absurd": ((0.0, 3e5, -9.81), (0.0, 0.0, 0.0)),
-}
-
-
-@pytest.mark.parametrize("why", BROKEN)
+@pytest.mark.parametrize("why", BROKEN_READINGS)
 def test_a_broken_sample_is_as_good_as_lost(why: str) -> None:
     samples = list(SyntheticWalk().samples(100.0))
-    force, rate = BROKEN[why]
+    force, rate = BROKEN_READINGS[why]
     mount, spared = BootMount(), BootMount()
     increments = follow(
         mount,
@@ -174,10 +167,8 @@ def test_a_broken_sample_is_as_good_as_lost(why: str) -> None:
 
 def in_swing(gap_s: float) -> tuple[BootMount, list[Increment]]:
     """Follow a walk that loses ``gap_s`` of its third swing."""
-    walk, mount = SyntheticWalk(), BootMount()
-    start_s = walk.standing_s + 2 * (walk.swing_s + walk.stance_s) + 0.2
-    kept = (s for s in walk.samples(100.0) if not start_s < s.time_ns / NS_PER_S < start_s + gap_s)
-    return mount, follow(mount, kept)
+    mount = BootMount()
+    return mount, follow(mount, SyntheticWalk().samples_with_gap(100.0, gap_s))
 
 
 def test_a_short_gap_is_bridged_and_owned_to() -> None:
