@@ -24,6 +24,8 @@ from shared.topics import alive_key, all_alive_of, finished_key
 INCIDENT = "demo"
 POST_ID = "post"
 LAUNCHER_ID = "launcher"
+PREPARATION = "prepare"
+PREPARED_SOON_S = 3.0
 READY_TIMEOUT_S = 90.0
 POLL_S = 0.1
 SHORTEST_HOLD_S = 1.5
@@ -83,6 +85,8 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
     is finished.
     """
     with Children(settings.directory / "logs") as children:
+        if not _prepare(settings, children, stop, say):
+            return False
         locators = _start_nodes(settings, children)
         with open_zenoh("client", connect=[locators[POST_ID]]) as bus:
             say("starting " + ", ".join(children.running()))
@@ -95,6 +99,23 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
                 return False
             # The post first: its last look at the roster is to find everybody there.
             children.stop([POST_ID])
+    return True
+
+
+def _prepare(
+    settings: DemoSettings, children: Children, stop: Event, say: Callable[[str], None]
+) -> bool:
+    """Build the agents' machine code once, that they may not all do it at the same time."""
+    method = () if settings.method is None else ("--method", settings.method)
+    children.start(PREPARATION, "edge_agent", ("prepare", *method))
+    if stop.wait(PREPARED_SOON_S):
+        return False
+    if PREPARATION in children.running():
+        say("building machine code, once after an installation")
+    while PREPARATION in children.running():
+        if stop.wait(POLL_S):
+            return False
+    _check(settings, children, [PREPARATION])
     return True
 
 

@@ -6,6 +6,7 @@ from cyclopts import App
 
 from edge_agent.commands.evaluate import evaluate
 from edge_agent.commands.follow import rehearse, run
+from edge_agent.commands.prepare import prepare
 from shared.command_line import run_command_line
 
 app = App(
@@ -15,6 +16,7 @@ app = App(
 )
 app.command(run)
 app.command(rehearse)
+app.command(prepare)
 app.command(evaluate)
 
 
