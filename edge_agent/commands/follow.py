@@ -94,17 +94,11 @@ def run(
             bus.answer(sender.key(TrackStart), lambda: agent.start_payload)
             bus.declare_alive(alive_key(incident, "responder", responder_id))
             _await_link(bus, stop)
-            begin_ns = SystemClock().now_ns()
             if await_start:
-                exercise = await_exercise(bus, incident, stop)
-                if exercise is None:
-                    return ExitCode.OK
-                begin_ns, speed = exercise.event_time_ns, exercise.speed
-            _follow(agent, opened.beginning_at(begin_ns), ScaledClock(begin_ns, speed), stop)
-            if await_start:
-                # The wearer stays where they are until the exercise is over for everybody.
-                bus.declare_alive(finished_key(incident, responder_id))
-                stop.wait()
+                _take_part(agent, opened, bus, incident, responder_id, stop)
+            else:
+                begin_ns = SystemClock().now_ns()
+                _follow(agent, opened.beginning_at(begin_ns), ScaledClock(begin_ns, speed), stop)
             if bus.unsent:
                 _log.warning("messages were lost: there was no link", count=bus.unsent)
     except (SourceError, ConfigError, ValueError) as error:
@@ -168,6 +162,22 @@ def _rehearse(
             clock.set_ns(reading.time_ns)
             agent.take(reading)
         agent.finish()
+
+
+def _take_part(
+    agent: Agent, source: Source, bus: ZenohBus, incident: str, responder_id: str, stop: Event
+) -> None:
+    """Follow ``source`` from the start of the exercise, at its speed.
+
+    The wearer then stays where they are, until the exercise is over for everybody.
+    """
+    exercise = await_exercise(bus, incident, stop)
+    if exercise is None:
+        return
+    begin_ns = exercise.event_time_ns
+    _follow(agent, source.beginning_at(begin_ns), ScaledClock(begin_ns, exercise.speed), stop)
+    bus.declare_alive(finished_key(incident, responder_id))
+    stop.wait()
 
 
 def _await_link(bus: ZenohBus, stop: Event) -> None:
