@@ -99,6 +99,7 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
                 return False
             # The post first: its last look at the roster is to find everybody there.
             children.stop([POST_ID])
+            _check(settings, children, [POST_ID])
     return True
 
 

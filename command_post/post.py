@@ -21,10 +21,13 @@ from shared.clock import Clock, ScaledClock
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import ExerciseStart
 from shared.topics import TOPICS, Key, Priority, Role, alive_key, all_alive_of, everything_of
+from shared.units import NS_PER_S
 
 INBOX_MESSAGES = 200_000
 SHOW_PERIOD_S = 0.25
 ASK_TIMEOUT_S = 0.5
+MOST_AHEAD_NS = 60 * NS_PER_S
+LONGEST_EXERCISE_NS = 24 * 3600 * NS_PER_S
 
 _ASKED: dict[Role, str] = {"responder": "start", "dap": "installation"}
 """What is said rarely, by whom: whoever comes late asks for it."""
@@ -106,9 +109,16 @@ class Post:
         if isinstance(parsed, Refusal) or parsed.topic != "exercise":
             return
         start = decode(parsed, payload)
-        if isinstance(start, ExerciseStart):
-            self._clock = ScaledClock(start.event_time_ns, start.speed)
-            _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
+        if not isinstance(start, ExerciseStart):
+            return
+        since_ns = self._clock.now_ns() - start.event_time_ns
+        if not -MOST_AHEAD_NS <= since_ns <= LONGEST_EXERCISE_NS:
+            _log.warning("an exercise's start at no likely time is passed over", key=key)
+            return
+        # The first start counts: whoever gives another must not turn the post's clock.
+        self._follows_exercise = False
+        self._clock = ScaledClock(start.event_time_ns, start.speed)
+        _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
 
     def _note_alive(self, key: str, is_alive: bool) -> None:
         if not is_alive:

@@ -6,6 +6,7 @@ handles it again.
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 from collections import deque
@@ -201,10 +202,20 @@ class Recorder:
             self._queued_bytes -= len(item.payload) if isinstance(item, _Item) else 0
             going_on = item is not None or not self._closing
         if item is not None:
-            item.write_to(self._file)
-            self._unsynced = True
-            self._written += isinstance(item, _Item)
+            self._write(item)
         return going_on
+
+    def _write(self, item: _Item | _End) -> None:
+        try:
+            item.write_to(self._file)
+        except (struct.error, OverflowError) as error:
+            # A time beyond what the format can hold: that message is lost, not the recording.
+            with self._changed:
+                self._dropped += 1
+            _log.error("a message cannot be recorded", why=str(error))
+            return
+        self._unsynced = True
+        self._written += isinstance(item, _Item)
 
     def _seconds_until_sync(self) -> float:
         return max(0, self._synced_ns + SYNC_PERIOD_NS - self._monotonic_ns()) / NS_PER_S

@@ -37,6 +37,10 @@ _ACTIVITIES: dict[Activity, str] = {
 }
 
 
+MOST_AHEAD_NS = 5 * NS_PER_S
+"""A clock further ahead than this says nothing about when."""
+
+
 class RosterSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How long a DAP ties a track (``tied_s``), and how long silence is no loss (``lost_s``).
 
@@ -130,6 +134,11 @@ class _View(NamedTuple):
     def age_s(self, time_ns: int | None) -> float | None:
         return None if time_ns is None else max(self.now_ns - time_ns, 0) / NS_PER_S
 
+    def said_age_s(self, time_ns: int | None) -> float | None:
+        """Age of what a node's own clock dates; ``None`` if that clock is ahead, as for never."""
+        ahead = time_ns is not None and time_ns > self.now_ns + MOST_AHEAD_NS
+        return None if ahead else self.age_s(time_ns)
+
     def heard_age_s(self, role: Role, node_id: str) -> float | None:
         return self.age_s(self.heard_ns.get((role, node_id)))
 
@@ -146,7 +155,7 @@ class _View(NamedTuple):
 def _responder_row(
     responder_id: str, estimate: Estimate | None, incident: Incident, view: _View
 ) -> ResponderRow:
-    tied_age_s = view.age_s(estimate.last_proximity_time_ns) if estimate else None
+    tied_age_s = view.said_age_s(estimate.last_proximity_time_ns) if estimate else None
     status, reason = _responder_status(responder_id, estimate, tied_age_s, view)
     return ResponderRow(
         responder_id=responder_id,

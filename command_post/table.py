@@ -31,7 +31,7 @@ def roster_table(roster: Roster) -> Table:
     table.add_column("", min_width=5, no_wrap=True)
     for heading in ("north m", "east m", "down m", "95 % m", "heard"):
         table.add_column(heading, justify="right", min_width=7, no_wrap=True)
-    table.add_column("status", min_width=30)
+    table.add_column("status", min_width=20)
     for responder in roster.responders:
         table.add_row(responder.responder_id, *_row(responder, _responder_status(responder)))
     table.add_section()

@@ -6,11 +6,11 @@ not (rehearsal), and the same messages come out.
 
 from __future__ import annotations
 
-import math
 from itertools import chain
 
 from edge_agent.alarms import AlarmEvent, AlarmWatch
 from edge_agent.inertial.activity import ActivityClassifier
+from edge_agent.mounts.intake import LARGEST_READING
 from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.self_check import HealthReport, SelfCheck
 from edge_agent.sources.opening import Reading, TruePlace
@@ -30,6 +30,7 @@ from shared.sender import Sender
 from shared.units import NS_PER_S
 
 IMU_BATCH_S = 0.25
+MOST_IN_A_BATCH = 500
 ALARM_REPEAT_NS = 5 * NS_PER_S
 
 
@@ -135,10 +136,15 @@ class Agent:
         )
 
     def _record(self, sample: ImuSample) -> None:
-        # A batch with one number that is not finite would be refused whole.
-        if all(map(math.isfinite, (*sample.force_m_s2, *sample.rate_rad_s))):
-            self._batch.append(sample)
-        if self._batch and sample.time_ns - self._batch[0].time_ns >= IMU_BATCH_S * 1e9:
+        # A batch with one number out of bounds would be refused whole.
+        if any(not abs(x) <= LARGEST_READING for x in (*sample.force_m_s2, *sample.rate_rad_s)):
+            return
+        # All samples of a batch have a field, or none has.
+        if self._batch and (self._batch[0].field_ut is None) != (sample.field_ut is None):
+            self._send_batch()
+        self._batch.append(sample)
+        lasted_ns = sample.time_ns - self._batch[0].time_ns
+        if lasted_ns >= IMU_BATCH_S * NS_PER_S or len(self._batch) >= MOST_IN_A_BATCH:
             self._send_batch()
 
     def _send_start(self, time_ns: int, heading_sd_rad: float) -> None:
@@ -207,7 +213,7 @@ class Agent:
                 time_ns=tuple(sample.time_ns for sample in batch),
                 force_m_s2=_flat([sample.force_m_s2 for sample in batch]),
                 rate_rad_s=_flat([sample.rate_rad_s for sample in batch]),
-                field_ut=_flat(fields_ut) if len(fields_ut) == len(batch) else (),
+                field_ut=_flat(fields_ut),
             )
         )
 

@@ -19,4 +19,6 @@ def run_command_line(app: App) -> None:
         code = app(sys.argv[1:], exit_on_error=False, result_action="return_value")
     except CycloptsError:
         sys.exit(ExitCode.USAGE)
+    except KeyboardInterrupt:
+        sys.exit(ExitCode.INTERRUPTED)
     sys.exit(code if isinstance(code, int) else ExitCode.OK)

@@ -29,11 +29,14 @@ from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import SystemClock
 from shared.config import ConfigError, checked
 from shared.files import replace_atomically
+from shared.mcap_reader import RecordingError
 from shared.process import ExitCode, configure_logging, stop_on_signals, stop_with_parent
 from shared.simulation.scenario import load_scenario
 from shared.topics import check_id
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
+
+Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -118,7 +121,7 @@ def _shown(table: bool) -> Iterator[Callable[[Roster], None]]:
 def demo(
     *,
     scenario: str = "four_daps",
-    seed: int = 1,
+    seed: Seed = 1,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1000.0))] = 1.0,
     method: str | None = None,
     output: Path = Path("clew-demo"),
@@ -157,16 +160,22 @@ def demo(
     try:
         with stop_on_signals() as stop:
             finished = run_demo(settings, stop, lambda text: console.print(text, highlight=False))
-    except DemoError as error:
+        if not finished:
+            console.print(f"recording: {settings.recording}", highlight=False)
+            return ExitCode.INTERRUPTED
+        return _tell(settings, console, json=json)
+    except (DemoError, RecordingError, OSError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE
+
+
+def _tell(settings: DemoSettings, console: Console, *, json: bool) -> int:
+    """Score the recording of a demo that has ended, and say where its files are."""
     console.print(f"recording: {settings.recording}", highlight=False)
-    if not finished:
-        return ExitCode.INTERRUPTED
     evidence = read_evidence(settings.recording)
     told = score(measure(evidence))
     with replace_atomically(settings.score) as file:
         file.write(msgspec.json.format(msgspec.json.encode(told)))
-    show_score(told, evidence, loaded.building, picture=settings.picture, json=json)
+    show_score(told, evidence, settings.scenario.building, picture=settings.picture, json=json)
     console.print(f"picture: {settings.picture}", highlight=False)
     return ExitCode.OK

@@ -25,6 +25,7 @@ from shared.exercise import REHEARSAL_INCIDENT
 from shared.process import ExitCode
 from shared.simulation.scenario import load_scenario
 
+Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 Positive = Annotated[int, Parameter(validator=validators.Number(gt=0))]
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -34,7 +35,7 @@ def rehearse(
     scenario: str,
     *,
     output: Path,
-    seed: int = 1,
+    seed: Seed = 1,
     method: str | None = None,
     imu: bool = True,
     replace: bool = False,
@@ -64,7 +65,7 @@ def rehearse(
         settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
         load_scenario(scenario)
         rehearse_scenario(scenario, seed, settings, output, Agents(method, imu), replace=replace)
-    except (ValueError, RecorderError) as error:
+    except (ValueError, RecorderError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     except RehearsalError as error:
@@ -77,7 +78,7 @@ def montecarlo(
     *,
     scenario: list[str],
     runs: Positive = 20,
-    seed: int = 0,
+    seed: Seed = 0,
     particles: int = 1000,
     method: str | None = None,
     workers: Positive = 2,

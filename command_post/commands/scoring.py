@@ -98,18 +98,25 @@ def score_file(
     if told.live.absolute is None and told.pdr.absolute is None:
         _log.error(f"{file}: nothing to score: no track with a truth beside it")
         return ExitCode.FAILURE
-    show_score(told, evidence, building, picture=picture, json=json)
+    try:
+        show_score(told, evidence, building, picture=picture, json=json)
+    except OSError as error:
+        _log.error(f"{picture}: cannot be written ({error.strerror})")
+        return ExitCode.FAILURE
     return ExitCode.OK
 
 
 def read_evidence(file: Path) -> Evidence:
     """Return what a recording holds to be scored. Raises ``RecordingError``."""
     evidence = Evidence()
-    for recorded in read_recording(file):
+    recording = read_recording(file)
+    for recorded in recording:
         key = parse_key(recorded.key)
         message = key if isinstance(key, Refusal) else decode(key, recorded.payload)
         if not isinstance(key, Refusal) and not isinstance(message, Refusal):
             evidence.add(key, message)
+    if not recording.report.complete:
+        _log.warning(f"{file}: not whole", report=str(recording.report))
     return evidence
 
 

@@ -49,7 +49,7 @@ def run(
     connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
     listen: str = DEFAULT_LISTEN,
     proximity: Path | None = None,
-    seed: int = 1,
+    seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0))] = 1.0,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,

@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 
 import msgspec
 import structlog
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import Progress
 
@@ -64,7 +64,7 @@ def evaluate(
     *,
     mount: MountName = "boot",
     method: MethodName = DEFAULT_METHOD,
-    seed: int = 0,
+    seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 0,
     degrade: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -73,7 +73,9 @@ def evaluate(
 
     Errors are taken at the instants of the true stances, after one rigid alignment in the plane.
     A recording without truth that ends where it began is scored by its closure. A trial that
-    fails is listed and counted. Exits with 2 if there is nothing to score or a file cannot be
+    fails is listed and counted. Example: edge-agent evaluate simulated:course --json
+
+    Exits with 2 if there is nothing to score or a file cannot be
     used, with 1 if a trial broke the mount.
 
     Parameters

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from threading import Event
 from typing import Annotated
 
 import structlog
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import track
 
 from edge_agent.agent import Agent
+from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
 from edge_agent.sources.opening import Reading, Source, open_source
 from edge_agent.sources.recording import SourceError
 from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh
 from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
-from shared.config import ConfigError
+from shared.config import ConfigError, checked
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
 from shared.messages import LocalPosition, NodeId, TrackStart
 from shared.process import ExitCode, stop_on_signals, stop_with_parent, wait_until
@@ -45,8 +47,8 @@ def run(
     method: MethodName = DEFAULT_METHOD,
     connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
     start: tuple[float, float, float] | None = None,
-    speed: float = 1.0,
-    seed: int = 1,
+    speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
+    seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     imu: bool = True,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
@@ -99,6 +101,7 @@ def run(
             else:
                 begin_ns = SystemClock().now_ns()
                 _follow(agent, opened.beginning_at(begin_ns), ScaledClock(begin_ns, speed), stop)
+            _tell_faults(mount.faults)
             if bus.unsent:
                 _log.warning("messages were lost: there was no link", count=bus.unsent)
     except (SourceError, ConfigError, ValueError) as error:
@@ -143,7 +146,7 @@ def rehearse(
         ):
             source = open_source(f"simulated:{scenario}", responder_id, seed)
             _rehearse(source, responder_id, method, output / str(seed), sends_imu=imu)
-    except (ConfigError, SourceError, ValueError) as error:
+    except (ConfigError, SourceError, ValueError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
@@ -180,6 +183,13 @@ def _take_part(
     stop.wait()
 
 
+def _tell_faults(faults: Faults) -> None:
+    """Say what was wrong with the samples, if anything was."""
+    counts = {name: count for name, count in asdict(faults).items() if count}
+    if counts:
+        _log.warning("samples were not as they should be", **counts)
+
+
 def _await_link(bus: ZenohBus, stop: Event) -> None:
     """Wait for the first link: a recording that is played to nobody is lost."""
     while not bus.connected() and not stop.wait(LINK_POLL_S):
@@ -206,6 +216,6 @@ def _place(start: tuple[float, float, float] | None) -> LocalPosition | None:
     if start is None:
         return None
     north_m, east_m, down_m = start
-    return LocalPosition(
-        north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=(1.0, 0.0, 1.0)
+    return checked(
+        LocalPosition(north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=(1.0, 0.0, 1.0))
     )

@@ -60,8 +60,8 @@ class Truth:
 
     @property
     def mean_speed_m_s(self) -> float:
-        """Path length over the time from the first to the last stance; 0 with fewer than two."""
-        if len(self.time_s) < 2:
+        """Path length over the time from the first to the last stance; 0 if no time passes."""
+        if len(self.time_s) < 2 or not self.time_s[-1] > self.time_s[0]:
             return 0.0
         return self.length_m / float(self.time_s[-1] - self.time_s[0])
 
