@@ -164,13 +164,15 @@ class Incident:
         """Take in bytes received under ``key`` at ``now_ns``; return what is to be published.
 
         Never raises for what was received. Raw samples, signal strengths and truth are checked
-        and counted like everything else, and not fused; what a post says is passed over.
+        and counted like everything else, and not fused; so is what another post says.
         """
         parsed = self._parsed(key)
         if isinstance(parsed, Refusal):
             self._refuse(parsed.reason, _node_of(key), parsed.detail)
         elif parsed.role != "post":
             self._take(parsed, payload, now_ns)
+        elif isinstance(refusal := decode(parsed, payload), Refusal):
+            self._refuse(refusal.reason, parsed.node_id, refusal.detail)
         return self._fuse(self._time_line.release(now_ns))
 
     def finish(self, now_ns: int) -> list[Outgoing]:  # noqa: ARG002

@@ -96,10 +96,11 @@ def test_another_incident_is_refused() -> None:
     assert incident.finish(at_ns(9.0)) == []
 
 
-def test_what_a_post_says_is_passed_over() -> None:
+def test_what_another_post_says_is_checked_and_not_fused() -> None:
     incident = Incident(IncidentSettings())
     assert incident.handle("clew/v1/exercise/post/other/track", b"anything", at_ns(0.0)) == []
-    assert not incident.refusals
+    assert incident.refusals == {("invalid", "other"): 1}
+    assert not incident.estimates
 
 
 def test_raw_readings_are_heard_and_not_fused() -> None:
