@@ -32,7 +32,7 @@ SHORTEST_HOLD_S = 1.5
 LATEST_S = 0.3
 """How late, in real time, a busy machine may make a message."""
 
-SHORTEST_PAUSE_S = 0.2
+LAST_WORDS_S = 0.2
 
 
 class DemoError(RuntimeError):
@@ -207,7 +207,8 @@ def _wait_until_finished(
                 say(f"{name} ended with exit code {exit_code}; going on without")
         walking = settings.scenario.responders.keys() & set(children.running())
         if all(finished_key(INCIDENT, one) in finished for one in walking):
-            return not stop.wait(max(settings.hold_s / settings.speed, SHORTEST_PAUSE_S))
+            # What was said last is still on its way; what is held back is fused at the end.
+            return not stop.wait(LAST_WORDS_S)
         if stop.wait(POLL_S):
             return False
 
