@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
     DapEstimate,
     DapInstallation,
@@ -79,6 +80,13 @@ class Evidence:
             case Truth():
                 truth = self._dap_truth if key.role == "dap" else self._responder_truth
                 truth[key.node_id][mark] = message
+
+    def add_wire(self, key_text: str, payload: bytes) -> None:
+        """Take in bytes as they were on the wire; what is no message is passed over."""
+        key = parse_key(key_text)
+        message = key if isinstance(key, Refusal) else decode(key, payload)
+        if not isinstance(key, Refusal) and not isinstance(message, Refusal):
+            self.add(key, message)
 
     def tracks(self, method: Method) -> dict[str, Track]:
         """Return each responder's track by id, in the order of the ids.

@@ -20,7 +20,6 @@ from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident
 from command_post.recording_file import RecordingFile
 from shared.bus.wire_log import WireFrame, read_wire_log
-from shared.codec import Refusal, decode, parse_key
 
 
 class RehearsalError(RuntimeError):
@@ -97,18 +96,9 @@ def evidence_of(directory: Path, settings: IncidentSettings) -> Evidence:
     evidence = Evidence()
     now_ns = 0
     for now_ns, key, payload in merged_wire_logs(directory):
-        _add(evidence, key, payload)
+        evidence.add_wire(key, payload)
         for outgoing in incident.handle(key, payload, now_ns):
-            _add(evidence, outgoing.key, outgoing.payload)
+            evidence.add_wire(outgoing.key, outgoing.payload)
     for outgoing in incident.finish(now_ns):
-        _add(evidence, outgoing.key, outgoing.payload)
+        evidence.add_wire(outgoing.key, outgoing.payload)
     return evidence
-
-
-def _add(evidence: Evidence, key_text: str, payload: bytes) -> None:
-    key = parse_key(key_text)
-    if isinstance(key, Refusal):
-        return
-    message = decode(key, payload)
-    if not isinstance(message, Refusal):
-        evidence.add(key, message)

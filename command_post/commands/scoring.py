@@ -15,7 +15,6 @@ from command_post.incident import Incident, IncidentSettings
 from command_post.picture import draw_tracks
 from command_post.replay import replay as replay_recording
 from command_post.score_table import score_table
-from shared.codec import Refusal, decode, parse_key
 from shared.config import ConfigError
 from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode
@@ -111,10 +110,7 @@ def read_evidence(file: Path) -> Evidence:
     evidence = Evidence()
     recording = read_recording(file)
     for recorded in recording:
-        key = parse_key(recorded.key)
-        message = key if isinstance(key, Refusal) else decode(key, recorded.payload)
-        if not isinstance(key, Refusal) and not isinstance(message, Refusal):
-            evidence.add(key, message)
+        evidence.add_wire(recorded.key, recorded.payload)
     if not recording.report.complete:
         _log.warning(f"{file}: not whole", report=str(recording.report))
     return evidence
