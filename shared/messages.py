@@ -27,9 +27,14 @@ StandardDeviation: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e6)]
 Angle: TypeAlias = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Covariance: TypeAlias = Annotated[float, Meta(ge=-1e12, le=1e12)]
 PowerDbm: TypeAlias = Annotated[float, Meta(ge=-200.0, le=100.0)]
+Duration: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e6)]
+Probability: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 SensorReading: TypeAlias = Annotated[float, Meta(ge=-1e5, le=1e5)]
 
 Vector3: TypeAlias = tuple[float, float, float]
+
+Outline: TypeAlias = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Meta(max_length=64)]
+"""Corners (north, east) of a polygon, in order; the last is joined to the first."""
 
 Mount: TypeAlias = Literal["boot"]
 
@@ -39,6 +44,7 @@ Activity: TypeAlias = Literal[
 ]  # fmt: skip
 """What a wearer does over an increment. Lying still and falling are alarms, not movements."""
 
+TrackStatus: TypeAlias = Literal["tracking", "dead_reckoning", "lost", "recovering"]
 AlarmKind: TypeAlias = Literal["motionless", "fall"]
 AlarmPhase: TypeAlias = Literal["pre_alarm", "alarm", "cancelled"]
 HealthLevel: TypeAlias = Literal["ok", "warning", "fault"]
@@ -176,6 +182,49 @@ class ProximityEvent(Message, frozen=True, kw_only=True):
     sample_count: Annotated[int, Meta(ge=0, le=100_000)]
 
 
+class RssiPeak(Message, frozen=True, kw_only=True):
+    """A responder passed a DAP: when their signal was strongest, how strong, and for how long.
+
+    ``event_time_ns`` is the power-weighted middle of the readings within 6 dB of the strongest,
+    ``width_s`` the time over which they were; the sharper, the nearer and the better known.
+    """
+
+    responder_id: NodeId
+    peak_dbm: PowerDbm
+    width_s: Duration
+    sample_count: Annotated[int, Meta(ge=1, le=100_000)]
+
+
+class Contact(Message, frozen=True, kw_only=True):
+    """Two responders met: one's unit heard the other's, loudest at ``event_time_ns``."""
+
+    other_id: NodeId
+    peak_dbm: PowerDbm
+    width_s: Duration
+    sample_count: Annotated[int, Meta(ge=1, le=100_000)]
+
+
+class PositionFix(Message, frozen=True, kw_only=True):
+    """Somebody says where a responder is at ``event_time_ns``, give or take its covariance.
+
+    ``gnss`` from the unit while it lasts outside, ``known_point`` where they report to stand (the
+    door, the engine), ``commander`` by a click on the map.
+    """
+
+    responder_id: NodeId
+    source: Literal["gnss", "known_point", "commander"]
+    position: LocalPosition
+
+
+class HeightFix(Message, frozen=True, kw_only=True):
+    """Somebody says on what height a responder, or a DAP, is at ``event_time_ns``: its floor."""
+
+    node: Literal["responder", "dap"]
+    node_id: NodeId
+    down_m: Coordinate
+    sd_m: StandardDeviation
+
+
 class DapInstallation(Message, frozen=True, kw_only=True):
     """A DAP was set down: when, by whom, and where once that is known.
 
@@ -188,11 +237,21 @@ class DapInstallation(Message, frozen=True, kw_only=True):
     position: LocalPosition | None
 
 
+class FloorShare(msgspec.Struct, frozen=True, gc=False):
+    """How probable it is that somebody is on the floor at the height ``down_m``."""
+
+    down_m: Coordinate
+    probability: Probability
+
+
 class TrackEstimate(Message, frozen=True, kw_only=True):
     """Where the command post holds a responder to be at ``event_time_ns``.
 
-    ``covariance_m2`` is horizontal (nn, ne, ee). ``heading_rad`` is the heading in the incident's
-    frame. ``last_proximity_time_ns`` is when a DAP last tied the track down, if one has.
+    ``covariance_m2`` is horizontal (nn, ne, ee), ``down_sd_m`` of the height. ``heading_rad`` is
+    the heading in the incident's frame. ``last_proximity_time_ns`` is when a DAP last tied the
+    track down, if one has. Where one ellipse does not tell it, ``regions_m`` are the outlines
+    (north, east) that hold 95 % together. ``floors`` are the likely ones, likeliest first.
+    ``status`` is ``reason``ed in words where it is not ``tracking``.
     """
 
     responder_id: NodeId
@@ -203,6 +262,11 @@ class TrackEstimate(Message, frozen=True, kw_only=True):
     heading_rad: Angle
     heading_sd_rad: StandardDeviation
     last_proximity_time_ns: TimeNs | None
+    down_sd_m: StandardDeviation | None = None
+    regions_m: Annotated[tuple[Outline, ...], Meta(max_length=8)] = ()
+    floors: Annotated[tuple[FloorShare, ...], Meta(max_length=8)] = ()
+    status: TrackStatus = "tracking"
+    reason: Annotated[str, Meta(max_length=200)] = ""
 
 
 class DapEstimate(Message, frozen=True, kw_only=True):

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
     Alarm,
+    Contact,
     DapEstimate,
     DapInstallation,
     ExerciseStart,
+    FloorShare,
+    HeightFix,
     ImuBatch,
     LocalPosition,
     Message,
     NodeHealth,
     OdometryIncrement,
+    PositionFix,
     ProximityEvent,
+    RssiPeak,
     RssiReport,
     TrackEstimate,
     TrackStart,
@@ -75,7 +80,7 @@ def imu_batch(number: int, samples: int = 25, *, with_field: bool = False) -> Im
 
 def one_of_each() -> dict[str, Message]:
     """Return a message of every topic, by topic name."""
-    common = {"event_time_ns": START_NS, "sequence": 3}
+    common: Any = {"event_time_ns": START_NS, "sequence": 3}
     return {
         "start": TrackStart(
             **common, position=_HERE, heading_sd_rad=0.2, mount="boot", method="entrance"
@@ -95,6 +100,10 @@ def one_of_each() -> dict[str, Message]:
             rssi_variance_db2=4.0,
             sample_count=20,
         ),
+        "peak": RssiPeak(**common, responder_id="r1", peak_dbm=-43.0, width_s=1.2, sample_count=18),
+        "contact": Contact(**common, other_id="r2", peak_dbm=-50.0, width_s=2.0, sample_count=9),
+        "fix": PositionFix(**common, responder_id="r1", source="commander", position=_HERE),
+        "height_fix": HeightFix(**common, node="dap", node_id="d1", down_m=-3.0, sd_m=0.3),
         "installation": DapInstallation(**common, installer_id="r1", position=None),
         "track": TrackEstimate(
             **common,
@@ -106,6 +115,11 @@ def one_of_each() -> dict[str, Message]:
             heading_rad=0.5,
             heading_sd_rad=0.1,
             last_proximity_time_ns=None,
+            down_sd_m=0.4,
+            regions_m=(((0.0, 0.0), (0.0, 2.0), (2.0, 2.0)),),
+            floors=(FloorShare(0.0, 0.98),),
+            status="dead_reckoning",
+            reason="no DAP heard for 40 s",
         ),
         "dap_place": DapEstimate(**common, dap_id="d1", position=_HERE),
         "exercise": ExerciseStart(**common, scenario="course", seed=7, speed=10.0),
@@ -167,6 +181,11 @@ class Tally:
             heading_rad=0.0,
             heading_sd_rad=0.1,
             last_proximity_time_ns=None,
+            down_sd_m=0.4,
+            regions_m=(((0.0, 0.0), (0.0, 2.0), (2.0, 2.0)),),
+            floors=(FloorShare(0.0, 0.98),),
+            status="dead_reckoning",
+            reason="no DAP heard for 40 s",
         )
         self._said += 1
         return Sent(now_ns, key_of("post", "post", "track"), encode(estimate))

@@ -35,7 +35,8 @@ def _values(kind: inspect.Type) -> st.SearchStrategy[Any]:
         case inspect.TupleType():
             return st.tuples(*map(_values, kind.item_types))
         case inspect.VarTupleType():
-            return st.lists(_values(kind.item_type), max_size=9).map(tuple)
+            most = 9 if kind.max_length is None else min(kind.max_length, 9)
+            return st.lists(_values(kind.item_type), max_size=most).map(tuple)
         case _:
             return _scalars(kind)
 

@@ -28,16 +28,23 @@ WIRE_FIELDS = {
     "rssi": "event_time_ns sequence responder_id rssi_dbm",
     "proximity": "event_time_ns sequence responder_id phase rssi_mean_dbm rssi_variance_db2 "
     "sample_count",
+    "peak": "event_time_ns sequence responder_id peak_dbm width_s sample_count",
+    "contact": "event_time_ns sequence other_id peak_dbm width_s sample_count",
+    "fix": "event_time_ns sequence responder_id source position",
+    "height_fix": "event_time_ns sequence node node_id down_m sd_m",
     "installation": "event_time_ns sequence installer_id position",
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
-    "heading_sd_rad last_proximity_time_ns",
+    "heading_sd_rad last_proximity_time_ns down_sd_m regions_m floors status reason",
     "dap_place": "event_time_ns sequence dap_id position",
     "exercise": "event_time_ns sequence scenario seed speed",
     "truth": "event_time_ns sequence north_m east_m down_m",
 }
 """What a version-1 receiver may count on: fields may be added here, none may go."""
 
-ADDED_SINCE = {"activity", "activity_confidence"}
+ADDED_SINCE = {
+    "activity", "activity_confidence",
+    "down_sd_m", "regions_m", "floors", "status", "reason",
+}  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 
 POSITION_FIELDS = {"north_m", "east_m", "down_m", "covariance_m2"}
