@@ -34,6 +34,7 @@ _ACTIVITIES: dict[Activity, str] = {
     "stairs_up": "going upstairs",
     "stairs_down": "going downstairs",
     "ladder": "on a ladder",
+    "lift": "in a lift",
 }
 
 

@@ -15,6 +15,7 @@ from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.self_check import HealthReport, SelfCheck
 from edge_agent.sources.opening import Reading, TruePlace
 from shared.messages import (
+    HIGHEST_PRESSURE_PA,
     Alarm,
     AlarmKind,
     ImuBatch,
@@ -206,6 +207,12 @@ class Agent:
     def _send_batch(self) -> None:
         batch, self._batch = self._batch, []
         fields_ut = [sample.field_ut for sample in batch if sample.field_ut is not None]
+        # One out of the wire's bounds is no reading to a mount either.
+        pressures_pa = {
+            row: sample.pressure_pa
+            for row, sample in enumerate(batch)
+            if sample.pressure_pa is not None and 0.0 <= sample.pressure_pa <= HIGHEST_PRESSURE_PA
+        }
         self._sender.send(
             ImuBatch(
                 event_time_ns=batch[-1].time_ns,
@@ -214,6 +221,8 @@ class Agent:
                 force_m_s2=_flat([sample.force_m_s2 for sample in batch]),
                 rate_rad_s=_flat([sample.rate_rad_s for sample in batch]),
                 field_ut=_flat(fields_ut),
+                pressure_pa=tuple(pressures_pa.values()),
+                pressure_rows=tuple(pressures_pa),
             )
         )
 

@@ -30,6 +30,9 @@ PowerDbm: TypeAlias = Annotated[float, Meta(ge=-200.0, le=100.0)]
 Duration: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e6)]
 Probability: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 SensorReading: TypeAlias = Annotated[float, Meta(ge=-1e5, le=1e5)]
+HIGHEST_PRESSURE_PA = 1e6
+Pressure: TypeAlias = Annotated[float, Meta(ge=0.0, le=HIGHEST_PRESSURE_PA)]
+BatchRow: TypeAlias = Annotated[int, Meta(ge=0, le=2**31 - 1)]
 
 Vector3: TypeAlias = tuple[float, float, float]
 
@@ -40,7 +43,7 @@ Mount: TypeAlias = Literal["boot"]
 
 Activity: TypeAlias = Literal[
     "unknown", "stand", "walk", "fast", "run", "side_step", "crawl", "stairs_up", "stairs_down",
-    "ladder",
+    "ladder", "lift",
 ]  # fmt: skip
 """What a wearer does over an increment. Lying still and falling are alarms, not movements."""
 
@@ -57,13 +60,15 @@ class ImuSample(msgspec.Struct, frozen=True, gc=False):
 
     ``force_m_s2`` is specific force (a sensor at rest reads +g upwards), ``rate_rad_s`` angular
     rate, ``field_ut`` the magnetic field where there is a magnetometer; all in the sensor's own
-    right-handed frame. ``time_ns`` is the source's clock.
+    right-handed frame. ``pressure_pa`` is the air's, absolute: a barometer is slower than the rest,
+    and the samples between its readings have none. ``time_ns`` is the source's clock.
     """
 
     time_ns: int
     force_m_s2: Vector3
     rate_rad_s: Vector3
     field_ut: Vector3 | None = None
+    pressure_pa: float | None = None
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -151,14 +156,17 @@ class ImuBatch(Message, frozen=True, kw_only=True):
     """Raw inertial samples, for the record: exactly what the mount was given, ``n`` rows.
 
     ``force_m_s2``, ``rate_rad_s`` and ``field_ut`` are flat, x, y, z of the first sample first
-    (3·n numbers); ``field_ut`` is empty without a magnetometer. ``event_time_ns`` is the last
-    sample's.
+    (3·n numbers); ``field_ut`` is empty without a magnetometer. ``pressure_pa`` has the barometer's
+    readings alone, ``pressure_rows`` the sample of each, counted from 0 and rising.
+    ``event_time_ns`` is the last sample's.
     """
 
     time_ns: tuple[TimeNs, ...]
     force_m_s2: tuple[SensorReading, ...]
     rate_rad_s: tuple[SensorReading, ...]
     field_ut: tuple[SensorReading, ...]
+    pressure_pa: tuple[Pressure, ...] = ()
+    pressure_rows: tuple[BatchRow, ...] = ()
 
 
 class RssiReport(Message, frozen=True, kw_only=True):

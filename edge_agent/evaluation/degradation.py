@@ -59,7 +59,8 @@ def averaged(recording: Recording, rate_hz: float) -> Recording:
 
     Each sample stands for the time nearer to it than to any other, so that the integrals of
     specific force and angular rate are kept at any pair of rates; a new sample is stamped with its
-    period's middle. The field is the nearest sample's. A slower recording is returned as it is.
+    period's middle. The field is the nearest sample's, the pressure the mean of the period's
+    readings. A slower recording is returned as it is.
     Raises ``ValueError`` where time stamps do not rise.
     """
     time_s = recording.time_ns / NS_PER_S
@@ -71,13 +72,14 @@ def averaged(recording: Recording, rate_hz: float) -> Recording:
     )
     count = int((edges_s[-1] - edges_s[0]) * rate_hz + 1e-6)
     periods_s = edges_s[0] + np.arange(count + 1) / rate_hz
-    field_ut = recording.field_ut
+    field_ut, pressure_pa = recording.field_ut, recording.pressure_pa
     centres_s = periods_s[:-1] + 0.5 / rate_hz
     return Recording(
         np.rint(centres_s * NS_PER_S).astype(np.int64),
         _means(recording.force_m_s2, edges_s, periods_s),
         _means(recording.rate_rad_s, edges_s, periods_s),
         None if field_ut is None else field_ut[_nearest(time_s, centres_s)],
+        None if pressure_pa is None else _mean_readings(pressure_pa, time_s, periods_s),
     )
 
 
@@ -153,18 +155,30 @@ def _means(values: Array, edges_s: Array, periods_s: Array) -> Array:
     return means
 
 
+def _mean_readings(readings: Array, time_s: Array, periods_s: Array) -> Array:
+    """Return the mean of what of ``readings`` (n,) lies in each period (m + 1,); NaN for none."""
+    there = np.isfinite(readings)
+    period = np.searchsorted(periods_s, time_s[there], side="right") - 1
+    inside = (period >= 0) & (period < len(periods_s) - 1)
+    period, weights = period[inside], readings[there][inside]
+    count = np.bincount(period, minlength=len(periods_s) - 1)
+    total = np.bincount(period, weights, minlength=len(periods_s) - 1)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
 def _nearest(time_s: Array, wanted_s: Array) -> NDArray[np.intp]:
     """Return the row of rising ``time_s`` that is nearest to each of ``wanted_s``."""
     return np.searchsorted(0.5 * (time_s[1:] + time_s[:-1]), wanted_s)
 
 
 def _rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
-    field_ut = recording.field_ut
+    field_ut, pressure_pa = recording.field_ut, recording.pressure_pa
     return Recording(
         recording.time_ns[rows],
         recording.force_m_s2[rows],
         recording.rate_rad_s[rows],
         None if field_ut is None else field_ut[rows],
+        None if pressure_pa is None else pressure_pa[rows],
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 from shared.codec import Refusal, decode, parse_key
@@ -61,10 +62,22 @@ def _samples(path: Path, batch: ImuBatch) -> Iterator[ImuSample]:
             f"{path}: batch {batch.sequence} has {len(batch.time_ns)} times, but {lengths[0]}, "
             f"{lengths[1]} and {len(batch.field_ut)} numbers of force, rate and field"
         )
+    pressures = _pressures(path, batch)
     forces, rates, fields = map(_vectors, (batch.force_m_s2, batch.rate_rad_s, batch.field_ut))
     for index, time_ns in enumerate(batch.time_ns):
         field = fields[index] if fields else None
-        yield ImuSample(time_ns, forces[index], rates[index], field)
+        yield ImuSample(time_ns, forces[index], rates[index], field, pressures.get(index))
+
+
+def _pressures(path: Path, batch: ImuBatch) -> dict[int, float]:
+    rows = batch.pressure_rows
+    rising = all(row < after for row, after in pairwise((-1, *rows, len(batch.time_ns))))
+    if len(rows) != len(batch.pressure_pa) or not rising:
+        raise RecordingError(
+            f"{path}: batch {batch.sequence} has {len(batch.pressure_pa)} pressures for "
+            f"{len(rows)} rows, which are to rise below {len(batch.time_ns)}"
+        )
+    return dict(zip(rows, batch.pressure_pa, strict=True))
 
 
 def _vectors(flat: tuple[float, ...]) -> list[Vector3]:

@@ -53,6 +53,7 @@ def read_npz_set(path: Path) -> NpzSet:
         None
         if field_gauss is None
         else MICROTESLA_PER_GAUSS * _shaped(path, arrays, "mag_gauss", (count, 3)),
+        _shaped(path, arrays, "pressure_pa", (count,)) if "pressure_pa" in arrays else None,
     )
     return NpzSet(recording, _truth(path, arrays, time_s))
 

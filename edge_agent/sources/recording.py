@@ -30,13 +30,15 @@ class Recording:
     """``n`` samples in the order of the file, as arrays in SI; iterates as ``ImuSample``.
 
     ``time_ns`` (n,), ``force_m_s2``, ``rate_rad_s`` and ``field_ut`` (n, 3), the last ``None``
-    without a magnetometer; all in the sensor's own axes.
+    without a magnetometer; all in the sensor's own axes. ``pressure_pa`` (n,) is ``None`` without
+    a barometer. Both of the latter may be slower than the rest, and read NaN in between.
     """
 
     time_ns: NDArray[np.int64]
     force_m_s2: Array
     rate_rad_s: Array
     field_ut: Array | None = None
+    pressure_pa: Array | None = None
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -47,14 +49,23 @@ class Recording:
             map(tuple, self.force_m_s2.tolist()),
             map(tuple, self.rate_rad_s.tolist()),
             self._fields(),
+            self._pressures(),
             strict=True,
         )
         return (ImuSample(*reading) for reading in readings)
 
     def _fields(self) -> Iterable[Vector3 | None]:
-        """Return the field at each sample: a magnetometer may be slower, and read NaN between."""
+        """Return the field at each sample that has one."""
         if self.field_ut is None:
             return itertools.repeat(None, len(self))
         return (
             (x, y, z) if math.isfinite(x + y + z) else None for x, y, z in self.field_ut.tolist()
+        )
+
+    def _pressures(self) -> Iterable[float | None]:
+        """Return the pressure at each sample that has one."""
+        if self.pressure_pa is None:
+            return itertools.repeat(None, len(self))
+        return (
+            reading if math.isfinite(reading) else None for reading in self.pressure_pa.tolist()
         )

@@ -34,12 +34,16 @@ RATES_HZ = (20.0, 1999.0)
 """What an inertial sensor samples at."""
 
 EARTH_FIELD_UT = (15.0, 80.0)
+AIR_PRESSURE_PA = (3e4, 1.2e5)
+"""From the highest mountains to the deepest mines: in hPa or kPa, it is another number."""
+
 HEADER_WITHIN_LINES = 30
 
 _SENSOR_NAMES = {
     "force": ("accelerometer", "acceleration", "accel", "acc", "force"),
     "rate": ("gyroscope", "gyro", "gyr", "angular rate", "angular velocity", "rate"),
     "field": ("magnetometer", "magnetic field", "mag", "field"),
+    "pressure": ("barometer", "barometric pressure", "air pressure", "pressure", "baro"),
     "time": ("sampletimefine", "timestamp", "time", "t"),
 }
 _UNITS: Mapping[str, Mapping[str, float]] = {
@@ -54,8 +58,10 @@ _UNITS: Mapping[str, Mapping[str, float]] = {
         "nt": 1e-3,
         "t": 1e6,
     },
+    "pressure": {"pa": 1.0, "hpa": 100.0, "mbar": 100.0, "kpa": 1e3, "bar": 1e5},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
+_SCALARS = ("time", "pressure")
 _SAMPLE_TIME_FINE_S = (1e-4, 1e-6)
 """Ticks of Xsens' two kinds of counter: 10 kHz in the MT family, 1 MHz in the DOT."""
 
@@ -85,7 +91,7 @@ class _Table(NamedTuple):
 
     def scale(self, sensor: str) -> float | None:
         """Return the SI value of the file's unit for a sensor; ``None`` if no header tells it."""
-        unit = self.columns["time" if sensor == "time" else f"{sensor} x"].unit
+        unit = self.columns[sensor if sensor in _SCALARS else f"{sensor} x"].unit
         return None if unit is None else _UNITS[sensor][unit]
 
 
@@ -99,13 +105,14 @@ def read_vendor_csv(path: Path) -> Recording:
     table = _read(path)
     force_m_s2 = _force_m_s2(path, table)
     rate_rad_s = _rate_rad_s(table)
-    field_ut = _field_ut(table)
+    field_ut, pressure_pa = _field_ut(table), _pressure_pa(table)
     rows, time_s = repaired(_time_s(path, table), np.hstack((force_m_s2, rate_rad_s)))
     return Recording(
         np.round(time_s * NS_PER_S).astype(np.int64),
         force_m_s2[rows],
         rate_rad_s[rows],
         None if field_ut is None else field_ut[rows],
+        None if pressure_pa is None else pressure_pa[rows],
     )
 
 
@@ -162,7 +169,7 @@ def _meaning(header: str) -> tuple[str, str | None] | None:
 
 def _with_axis(sensor: str, words: list[str], unit: str) -> tuple[str, str | None] | None:
     """Return what a header means whose words after the sensor's name are ``words``."""
-    if sensor != "time":
+    if sensor not in _SCALARS:
         if not words or words[0] not in {"x", "y", "z"}:
             return None
         sensor, words = f"{sensor} {words[0]}", words[1:]
@@ -180,6 +187,8 @@ def _columns(path: Path, header: list[str]) -> dict[str, _Column]:
             continue
         what, unit = meaning
         known = _UNITS[what.partition(" ")[0]]
+        if what == "pressure" and unit is not None and unit not in known:
+            continue  # An altitude, or another figure made of it.
         if unit is not None and unit not in known:
             raise SourceError(
                 f"{path}: column {text!r}: unknown unit; write one of {', '.join(known)}"
@@ -206,7 +215,7 @@ def _numbers(
     row = [math.nan] * len(cells)
     for what, column in columns.items():
         cell = cells[column.place]
-        if not cell and what.startswith("field"):
+        if not cell and what.startswith(("field", "pressure")):
             continue
         try:
             row[column.place] = float(cell)
@@ -279,5 +288,22 @@ def _field_ut(table: _Table) -> Array | None:
     for unit in ("ut", "gauss", "mgauss", "nt"):
         scale = _UNITS["field"][unit]
         if EARTH_FIELD_UT[0] <= median * scale <= EARTH_FIELD_UT[1]:
+            return readings * scale
+    return None
+
+
+def _pressure_pa(table: _Table) -> Array | None:
+    """Return the air's pressure (n,); ``None`` without it, or if its unit cannot be told."""
+    if "pressure" not in table.columns:
+        return None
+    readings = table.values[:, table.columns["pressure"].place]
+    told = table.scale("pressure")
+    if told is not None:
+        return readings * told
+    if not np.isfinite(readings).any():
+        return None
+    median = float(np.nanmedian(readings))
+    for scale in _UNITS["pressure"].values():
+        if AIR_PRESSURE_PA[0] <= median * scale <= AIR_PRESSURE_PA[1]:
             return readings * scale
     return None

@@ -24,7 +24,8 @@ WIRE_FIELDS = {
     "heading_rad covariance mount activity activity_confidence",
     "alarm": "event_time_ns sequence kind phase confidence reason",
     "health": "event_time_ns sequence level findings",
-    "imu": "event_time_ns sequence time_ns force_m_s2 rate_rad_s field_ut",
+    "imu": "event_time_ns sequence time_ns force_m_s2 rate_rad_s field_ut "
+    "pressure_pa pressure_rows",
     "rssi": "event_time_ns sequence responder_id rssi_dbm",
     "proximity": "event_time_ns sequence responder_id phase rssi_mean_dbm rssi_variance_db2 "
     "sample_count",
@@ -42,7 +43,7 @@ WIRE_FIELDS = {
 """What a version-1 receiver may count on: fields may be added here, none may go."""
 
 ADDED_SINCE = {
-    "activity", "activity_confidence",
+    "activity", "activity_confidence", "pressure_pa", "pressure_rows",
     "down_sd_m", "regions_m", "floors", "status", "reason",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""

@@ -100,6 +100,25 @@ def test_a_sample_that_is_no_number_is_kept_out_of_the_record(
     assert sum(len(batch.time_ns) for batch in batches) == 180
 
 
+def test_pressures_are_recorded_at_their_samples_and_what_is_none_is_not(
+    agent: Agent, heard: list[Received]
+) -> None:
+    readings = {3: 101_325.0, 9: math.nan, 12: -1.0, 30: math.inf, 31: 0.0}
+    for index in range(40):
+        time_ns = 10**18 + index * 10_000_000
+        still = ImuSample(time_ns, (0.0, 0.0, -9.81), (0.0, 0.0, 0.0), None, readings.get(index))
+        agent.take(still)
+    agent.finish()
+    batches = [m for m in messages(heard) if isinstance(m, ImuBatch)]
+    assert len(batches) == 2
+    told = [
+        (batch.time_ns[row], pressure_pa)
+        for batch in batches
+        for row, pressure_pa in zip(batch.pressure_rows, batch.pressure_pa, strict=True)
+    ]
+    assert told == [(10**18 + 30_000_000, 101_325.0), (10**18 + 310_000_000, 0.0)]
+
+
 def test_strides_say_what_they_were(agent: Agent, heard: list[Received]) -> None:
     walk(agent)
     strides = [m for m in messages(heard) if isinstance(m, OdometryIncrement)]

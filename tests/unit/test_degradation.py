@@ -57,6 +57,15 @@ def test_averaging_by_two_is_the_mean_of_pairs() -> None:
     assert len(half.field_ut) == len(half)
 
 
+def test_averaging_keeps_every_reading_of_a_slow_barometer() -> None:
+    pressure_pa = np.full(len(recording()), np.nan)
+    pressure_pa[[1, 6, 7]] = (100.0, 102.0, 104.0)
+    half = averaged(replace(recording(), pressure_pa=pressure_pa), 100.0)
+    assert half.pressure_pa is not None
+    np.testing.assert_array_equal(half.pressure_pa[:5], [100.0, np.nan, np.nan, 103.0, np.nan])
+    assert np.isnan(half.pressure_pa[5:]).all()
+
+
 @pytest.mark.parametrize("from_hz", [204.8, 250.0, 397.7])
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0])
 def test_averaging_keeps_integrals_at_any_pair_of_rates(from_hz: float, rate_hz: float) -> None:

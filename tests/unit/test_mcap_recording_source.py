@@ -44,6 +44,23 @@ def test_without_a_magnetometer_there_is_no_field(tmp_path: Path) -> None:
     assert sample.field_ut is None
 
 
+def test_a_barometer_slower_than_the_rest_comes_back_at_its_samples(tmp_path: Path) -> None:
+    batch = imu_batch(0, samples=5)
+    batch = structs.replace(batch, pressure_pa=(101_325.0, 101_320.5), pressure_rows=(1, 4))
+    samples = read_imu_samples(recorded(tmp_path / "a.mcap", [("r1", batch)]))
+    pressures_pa = [sample.pressure_pa for sample in samples]
+    assert pressures_pa == [None, 101_325.0, None, None, 101_320.5]
+
+
+@pytest.mark.parametrize("rows", [(1, 5), (3, 3), (4, 1), (1,)])
+def test_pressures_that_fit_no_samples_are_refused(tmp_path: Path, rows: tuple[int, ...]) -> None:
+    batch = imu_batch(7, samples=5)
+    batch = structs.replace(batch, pressure_pa=(101_325.0, 101_320.5), pressure_rows=rows)
+    path = recorded(tmp_path / "a.mcap", [("r1", batch)])
+    with pytest.raises(RecordingError, match="batch 7 has 2 pressures for"):
+        list(read_imu_samples(path))
+
+
 def test_late_and_repeated_batches_take_their_place_once(tmp_path: Path) -> None:
     batches = [imu_batch(number) for number in range(4)]
     arrived = [("r1", batches[number]) for number in (0, 2, 2, 1, 0, 3)]

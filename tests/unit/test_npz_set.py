@@ -111,3 +111,14 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
         read_npz_set(lone)
     with pytest.raises(SourceError, match="no such file"):
         read_npz_set(tmp_path / "absent.npz")
+
+
+def test_a_barometer_may_be_slower_than_the_rest(npz: Path) -> None:
+    pressure_pa = np.full(200, np.nan)
+    pressure_pa[::10] = 101_300.0
+    np.savez(npz, **arrays(), pressure_pa=pressure_pa)
+    samples = list(read_npz_set(npz).recording)
+    assert [s.pressure_pa for s in samples[:11]] == [101_300.0, *[None] * 9, 101_300.0]
+    np.savez(npz, **arrays(), pressure_pa=pressure_pa[:-1])
+    with pytest.raises(SourceError, match="pressure_pa has shape"):
+        read_npz_set(npz)

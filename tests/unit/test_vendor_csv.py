@@ -112,6 +112,32 @@ def test_a_field_in_no_known_unit_is_left_out(csv: Path) -> None:
     assert read_vendor_csv(csv).field_ut is None
 
 
+PRESSURES = {
+    "Barometer (hPa)": "1013.25",
+    "Pressure [mbar]": "1013.25",
+    "pressure_pa": "101325",
+    "baro_kPa": "101.325",
+    "Barometric pressure (bar)": "1.01325",
+    "Pressure": "1013.25",
+    "Air pressure": "101.325",
+}
+
+
+@pytest.mark.parametrize("name", PRESSURES)
+def test_the_pressure_of_the_air_in_its_unit(csv: Path, name: str) -> None:
+    reading = PRESSURES[name]
+    rest = "0,0,0,0,0,-1"
+    write(csv, f"{X_IO},{name}", f"0,{rest},{reading}", f"0.01,{rest},", f"0.02,{rest},{reading}")
+    pressures_pa = [sample.pressure_pa for sample in read_vendor_csv(csv)]
+    assert pressures_pa == [pytest.approx(101_325.0), None, pytest.approx(101_325.0)]
+
+
+@pytest.mark.parametrize("name", ["Pressure", "Pressure altitude (m)"])
+def test_what_can_be_no_pressure_of_the_air_is_left_out(csv: Path, name: str) -> None:
+    write(csv, f"{X_IO},{name}", "0,0,0,0,0,0,-1,12", "0.01,0,0,0,0,0,-1,12")
+    assert read_vendor_csv(csv).pressure_pa is None
+
+
 def test_windows_code_page(csv: Path) -> None:
     header = X_IO.replace("deg/s", "°/s")
     csv.write_bytes(f"{header}\n0,180,0,0,0,0,-1\n0.01,0,0,0,0,0,-1\n".encode("cp1252"))
