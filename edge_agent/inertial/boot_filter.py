@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge_agent.inertial.boot_state import StateRecord
-from edge_agent.inertial.compiled import compiled
 from edge_agent.inertial.eskf_parameters import CAPACITY, ParametersRecord
 from edge_agent.inertial.foot_mechanisation import rotation_matrix, turn_body, turn_nav
 from edge_agent.inertial.sample_ring import BRIDGED, RATE, STEP
@@ -30,6 +29,7 @@ from edge_agent.inertial.zupt_filter import (
     velocity_innovation,
     widen_covariance,
 )
+from shared.compiled import compiled
 
 
 @compiled

@@ -26,7 +26,6 @@ from edge_agent.inertial.boot_state import (
     StateRecord,
     initial_state,
 )
-from edge_agent.inertial.compiled import compiled
 from edge_agent.inertial.eskf_parameters import (
     CAPACITY,
     EskfParameters,
@@ -41,6 +40,7 @@ from edge_agent.inertial.saturation import watch_flat_tops
 from edge_agent.inertial.stride_smoothing import FILTERED, smooth_stride
 from edge_agent.inertial.zero_velocity import shoe_statistic
 from edge_agent.inertial.zupt_filter import HEADING, START_HEADING, STATES
+from shared.compiled import compiled
 
 MOST_HELD = 16
 """More strides than can be ahead of the filter at once."""

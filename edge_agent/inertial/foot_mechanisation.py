@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from edge_agent.inertial.compiled import compiled
+from shared.compiled import compiled
 from shared.maths.rotations import UP, shortest
 
 Array = NDArray[np.float64]

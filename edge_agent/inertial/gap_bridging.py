@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from edge_agent.inertial.compiled import compiled
 from edge_agent.inertial.eskf_parameters import ParametersRecord
 from edge_agent.inertial.sample_ring import DOUBT
+from shared.compiled import compiled
 
 LEAST_DOUBT = 0.1
 

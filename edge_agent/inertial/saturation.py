@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edge_agent.inertial.compiled import compiled
 from edge_agent.inertial.eskf_parameters import ParametersRecord
 from edge_agent.inertial.sample_ring import RATE, RESTORED
+from shared.compiled import compiled
 
 SHORTEST = 2  # a flat top has at least this many steps between its samples
 

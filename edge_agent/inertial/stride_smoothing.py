@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from edge_agent.inertial.compiled import compiled
 from edge_agent.inertial.zupt_filter import STATES
+from shared.compiled import compiled
 
 # Columns of a row of history: what the backward pass asks of one sample.
 TRANSITION = 0  # dt; dt·f_nav (3); −dt·nav_from_body (9)

@@ -15,8 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from edge_agent.inertial.compiled import compiled
 from edge_agent.inertial.eskf_parameters import ParametersRecord
+from shared.compiled import compiled
 
 MOVING, DEEP, STRONG = 0, 1, 2
 

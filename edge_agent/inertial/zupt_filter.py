@@ -18,9 +18,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from edge_agent.inertial.compiled import compiled
 from edge_agent.inertial.eskf_parameters import ParametersRecord
 from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, RESTORED
+from shared.compiled import compiled
 
 STATES = 17
 POSITION, VELOCITY, ATTITUDE, FORCE_BIAS, RATE_BIAS = 0, 3, 6, 9, 12

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from numba import njit
 
-from edge_agent.inertial import compiled as module
-from edge_agent.inertial.compiled import compiled
+from shared import compiled as module
+from shared.compiled import compiled
 
 
 def doubled(number: float) -> float:
@@ -39,6 +39,7 @@ def test_machine_code_older_than_any_kernel_is_forgotten(monkeypatch: pytest.Mon
     assert index.exists()
     assert again(4.0) == 8.0
     assert sum(again.stats.cache_hits.values()) == 1
-    monkeypatch.setattr(module, "_SOURCES_CHANGED_NS", index.stat().st_mtime_ns + 1)
+    later_ns = index.stat().st_mtime_ns + 1
+    monkeypatch.setattr(module, "_sources_changed_ns", lambda _: later_ns)
     compiled(doubled)
     assert not index.exists()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -10,10 +12,6 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
-
-_SOURCES_CHANGED_NS = max(
-    source.stat().st_mtime_ns for source in Path(__file__).parent.glob("*.py")
-)
 
 
 def compiled(function: Kernel) -> Kernel:
@@ -32,13 +30,20 @@ def compiled(function: Kernel) -> Kernel:
 
 
 def _drop_stale(dispatcher: Dispatcher, function: Callable[..., object]) -> None:
-    """Forget machine code older than any kernel's source.
+    """Forget machine code older than any source in the kernel's folder.
 
     A kernel is stored with those it calls, but numba looks for changes only in its own file.
     """
     folder = dispatcher.stats.cache_path
     if folder is None:
         return
+    changed_ns = _sources_changed_ns(Path(inspect.getfile(function)).parent)
     for index in Path(folder).glob(f"*.{function.__qualname__}-*.nbi"):
-        if index.stat().st_mtime_ns < _SOURCES_CHANGED_NS:
+        if index.stat().st_mtime_ns < changed_ns:
             index.unlink(missing_ok=True)
+
+
+@cache
+def _sources_changed_ns(folder: Path) -> int:
+    """Return when the newest source in ``folder`` was written."""
+    return max(source.stat().st_mtime_ns for source in folder.glob("*.py"))
