@@ -27,6 +27,7 @@ _HEADINGS = {
     "missed_stances_pct": "missed %",
     "false_stances_pct": "false %",
     "coverage95_pct": "in ellipse %",
+    "coverage95_whole_path_pct": "in ellipse, whole path %",
     "vertical_rmse_m": "height m",
     "vertical_end_error_m": "height end m",
     "closure_2d_m": "closure m",

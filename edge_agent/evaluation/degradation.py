@@ -46,11 +46,15 @@ class Degradation(NamedTuple):
 
 def on_clock(truth: Truth, clock_rate: float) -> Truth:
     """Return ``truth`` by a clock that counts ``clock_rate`` seconds in one."""
-    height = truth.height
-    return Truth(
-        clock_rate * truth.time_s,
-        truth.position_m,
-        height and replace(height, time_s=clock_rate * height.time_s),
+    height, speed = truth.height, truth.speed
+    return replace(
+        truth,
+        time_s=clock_rate * truth.time_s,
+        height=height and replace(height, time_s=clock_rate * height.time_s),
+        speed=speed
+        and replace(
+            speed, time_s=clock_rate * speed.time_s, speed_m_s=speed.speed_m_s / clock_rate
+        ),
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge_agent.evaluation.estimate import EstimatedPath
-from edge_agent.evaluation.truth import Array, Truth
+from edge_agent.evaluation.truth import Array, Speed, Truth
 
 FEWEST_STRIDES = 5
 STANCE_TOLERANCE_S = 0.2
@@ -22,6 +22,13 @@ STANCE_TOLERANCE_S = 0.2
 
 PLACE_SHARE = 0.2
 """Of a stride: nearer than this to where it begins or ends, the boot still stands there."""
+
+MOVING_M_S = 0.3
+STANCE_SHARED_S = 0.05
+"""A boot that motion capture sees faster than this, for so long before and after, does not stand.
+
+Twice what a true stance may have: at a run the sensor above a rolling foot never slows to that.
+"""
 
 CLEAR_STRIDE_M = 0.3
 """Shorter strides have no clear direction, and no clear swing."""
@@ -154,9 +161,12 @@ def false_stances_pct(path: EstimatedPath, truth: Truth) -> float:
     """Return the share of clear true swings that a detected stance cuts in two.
 
     It does when it lies between the two true stances and leaves, in the estimate, at least a fifth
-    of the stride on either side: a stance that flickers while the boot stands cuts nothing.
+    of the stride on either side: a stance that flickers while the boot stands cuts nothing. Where
+    the truth has speed, it must also say that the boot moved: true stances are not told where the
+    boot slowed down too briefly, and what falls between two of them need not be a swing.
     """
     middle_s = _middles_s(path)
+    middle_s = middle_s[_moves(middle_s, truth.speed)]
     stood_m = path.at(middle_s)[:, :2]
     ends_m = path.at(truth.time_s)[:, :2]
     cut = []
@@ -167,6 +177,23 @@ def false_stances_pct(path: EstimatedPath, truth: Truth) -> float:
         to_m = np.linalg.norm(stood_m[inside] - ends_m[stride + 1], axis=1)
         cut.append(bool(np.any((from_m > margin_m) & (to_m > margin_m))))
     return float(100.0 * np.mean(cut)) if cut else math.nan
+
+
+def _moves(instant_s: Array, speed: Speed | None) -> NDArray[np.bool_]:
+    """Return at which of ``instant_s`` (m,) the boot moves; maybe all, where there is no speed.
+
+    While the capture had lost the boot, none: then nobody can say so.
+    """
+    if speed is None:
+        return np.ones(len(instant_s), dtype=np.bool_)
+    first, end = np.searchsorted(
+        speed.time_s, (instant_s - STANCE_SHARED_S, instant_s + STANCE_SHARED_S)
+    )
+    slowest_m_s = [
+        np.fmin.reduce(speed.speed_m_s[a:b], initial=np.nan)
+        for a, b in zip(first, end, strict=True)
+    ]
+    return np.array(slowest_m_s) > MOVING_M_S
 
 
 class VerticalErrors(NamedTuple):

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from edge_agent.evaluation.coverage import coverage95_pct
+from edge_agent.evaluation.coverage import coverage95_pct, whole_path_coverage95_pct
 from edge_agent.evaluation.errors import closure, stance_errors, vertical_errors
 from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
 from edge_agent.evaluation.truth import Truth
@@ -17,8 +17,8 @@ from shared.maths.statistics import Summary, summarise
 METRICS = (
     "distance_error_pct", "distance_3d_error_pct", "taped_error_pct", "stride_rmse_m", "ate_pct",
     "end_error_pct", "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct",
-    "coverage95_pct", "vertical_rmse_m", "vertical_end_error_m", "closure_2d_m", "closure_3d_m",
-    "samples_per_s",
+    "coverage95_pct", "coverage95_whole_path_pct", "vertical_rmse_m", "vertical_end_error_m",
+    "closure_2d_m", "closure_3d_m", "samples_per_s",
 )  # fmt: skip
 """The fields of ``TrialScore`` that a set sums up."""
 
@@ -40,7 +40,8 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     ``taped_error_pct`` compares all strides told, climbing included, with the length of the course
     as laid out with a tape: the paper's own figure. ``heading_drift_deg_min`` is positive for a
     path that turns right, ``vertical_end_error_m`` for one that ends too low. ``coverage95_pct``
-    is no error: 95 is what it should be. ``samples_per_s`` is what the mount alone took in, on the
+    is no error: 95 is what it should be; ``coverage95_whole_path_pct`` would be lower on any walk
+    along which heading drifts. ``samples_per_s`` is what the mount alone took in, on the
     machine and the day it was measured. ``failure`` says why there is no score; the trial still
     counts.
     """
@@ -60,6 +61,7 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     missed_stances_pct: float | None = None
     false_stances_pct: float | None = None
     coverage95_pct: float | None = None
+    coverage95_whole_path_pct: float | None = None
     vertical_rmse_m: float | None = None
     vertical_end_error_m: float | None = None
     closure_2d_m: float | None = None
@@ -120,6 +122,7 @@ def _errors(
     else:
         errors |= stance_errors(path, truth)._asdict()
         errors["coverage95_pct"] = coverage95_pct(increments, path, truth)
+        errors["coverage95_whole_path_pct"] = whole_path_coverage95_pct(increments, path, truth)
     return {metric: value if math.isfinite(value) else None for metric, value in errors.items()}
 
 

@@ -3,30 +3,35 @@
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from edge_agent.evaluation.coverage import coverage95_pct
+from edge_agent.evaluation.coverage import coverage95_pct, whole_path_coverage95_pct
 from edge_agent.evaluation.estimate import estimated_path
 from edge_agent.evaluation.truth import Array, Truth, truth_of_stances
 from edge_agent.inertial.stride_error import Covariance4
 from edge_agent.mounts.interface import Increment
 from shared.units import NS_PER_S
 
-COVARIANCE_M2 = np.array([[9e-4, 4e-4], [4e-4, 4e-4]])
+COVARIANCE = np.array([[9e-4, 4e-4, 0.0], [4e-4, 4e-4, 1e-4], [0.0, 1e-4, 3e-4]])
+"""Of north, east and heading, the heading tied to east: by √(3e-4) a stride is 1° each."""
+
+NO_TURN = np.diag([1.0, 1.0, 0.0])
 
 
-def covariance(block_m2: Array) -> Covariance4:
-    """The wire's covariance of ``block_m2`` (2, 2) north-east, down and heading as sure as can be.
+def covariance(block: Array) -> Covariance4:
+    """The wire's covariance of ``block`` (3, 3), of north, east and heading.
 
-    The other entries are large, for none of them may count.
+    The entries of down are large, for none of them may count.
     """
-    (nn, ne), (_, ee) = block_m2.tolist()
-    return (nn, ne, 0.0, 0.0, ee, 0.0, 0.0, 7.0, 0.0, 7.0)
+    (nn, ne, nh), (_, ee, eh), (_, _, hh) = block.tolist()
+    return (nn, ne, 0.0, nh, ee, 0.0, eh, 7.0, 0.0, hh)
 
 
-def walk(position_m: Array, block_m2: Array) -> list[Increment]:
+def walk(position_m: Array, block: Array) -> list[Increment]:
     """Increments through ``position_m`` (k, 2), a stride each: standing at each full second."""
     increments = []
     for stride, (start_m, end_m) in enumerate(itertools.pairwise(position_m)):
@@ -34,7 +39,7 @@ def walk(position_m: Array, block_m2: Array) -> list[Increment]:
         end_ns = start_ns + round(0.6 * NS_PER_S)
         north_m, east_m = (end_m - start_m).tolist()
         increments.append(
-            Increment(start_ns, end_ns, (north_m, east_m, 0.0), 0.0, 0.0, covariance(block_m2), ())
+            Increment(start_ns, end_ns, (north_m, east_m, 0.0), 0.0, 0.0, covariance(block), ())
         )
     return increments
 
@@ -51,6 +56,31 @@ def coverage(increments: list[Increment], truth: Truth) -> float:
     return coverage95_pct(increments, estimated_path(increments), truth)
 
 
+def whole_path_coverage(increments: list[Increment], truth: Truth) -> float:
+    return whole_path_coverage95_pct(increments, estimated_path(increments), truth)
+
+
+def drawn(count: int, block: Array, begins_rad: float, scale: float = 1.0) -> list[Increment]:
+    """Strides straight ahead whose errors are drawn from ``block``, heading's adding up.
+
+    Each is told in the agent's axes as they are turned by then, and so is its covariance, with
+    standard deviations ``scale`` times too large.
+    """
+    errors = np.random.default_rng(5).multivariate_normal(np.zeros(3), block, count)
+    turned_rad = begins_rad + np.concatenate(([0.0], np.cumsum(errors[:-1, 2])))
+    told_m, told = np.zeros((count + 1, 2)), []
+    for stride, angle_rad in enumerate(turned_rad.tolist()):
+        turn = np.eye(3)
+        c, s = np.cos(angle_rad), np.sin(angle_rad)
+        turn[:2, :2] = [[c, -s], [s, c]]
+        told_m[stride + 1] = told_m[stride] + turn[:2, :2] @ (errors[stride, :2] + [1.2, 0.0])
+        told.append(covariance(scale**2 * turn @ block @ turn.T))
+    return [
+        increment._replace(covariance=its_own)
+        for increment, its_own in zip(walk(told_m, block), told, strict=True)
+    ]
+
+
 @pytest.mark.parametrize(("scale", "expected"), [(1.0, 95.0), (0.5, 52.7), (2.0, 100.0)])
 @pytest.mark.parametrize("angle_rad", [0.0, 2.0])
 def test_errors_drawn_as_published_are_covered_as_published(
@@ -58,23 +88,51 @@ def test_errors_drawn_as_published_are_covered_as_published(
 ) -> None:
     """With sds told ``scale`` times too large, 1 − 0.05^(scale²) of the errors are inside."""
     count = 4000
-    steps_m = np.diff(straight(count), axis=0)
-    errors_m = np.random.default_rng(5).multivariate_normal((0.0, 0.0), COVARIANCE_M2, count)
-    position_m = np.vstack((np.zeros(2), np.cumsum(steps_m + errors_m, axis=0)))
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    turn = np.array([[cosine, -sine], [sine, cosine]])
-    increments = walk(position_m @ turn.T, scale**2 * turn @ COVARIANCE_M2 @ turn.T)
-    assert coverage(increments, truth_at(straight(count))) == pytest.approx(expected, abs=1.0)
+    increments = drawn(count, COVARIANCE, angle_rad, scale)
+    truth = truth_at(straight(count))
+    assert coverage(increments, truth) == pytest.approx(expected, abs=2.0)
+    assert whole_path_coverage(increments, truth) < 30.0
 
 
-def test_the_ellipse_ends_at_its_edge() -> None:
-    """Every second stride goes astray along east by as much as the sign says, and back."""
-    truth = truth_at(straight(40))
-    for share, expected in ((0.99, 100.0), (1.01, 0.0)):
-        position_m = straight(40)
-        position_m[1::2, 1] = share * np.sqrt(5.991464547) * 0.03
-        steady = np.diag([0.02**2, 0.03**2])
-        assert coverage(walk(position_m, steady), truth) == pytest.approx(expected, abs=5.0)
+def test_headings_without_drift_are_covered_alike_by_the_whole_path() -> None:
+    block = NO_TURN @ COVARIANCE @ NO_TURN
+    increments, truth = drawn(4000, block, 0.4), truth_at(straight(4000))
+    assert coverage(increments, truth) == pytest.approx(95.0, abs=1.0)
+    assert whole_path_coverage(increments, truth) == pytest.approx(95.0, abs=1.0)
+
+
+@pytest.mark.parametrize("unsaid", ["the turn", "that turn and place are tied"])
+def test_drift_that_is_not_told_falls_outside(unsaid: str) -> None:
+    kept = COVARIANCE.copy()
+    if unsaid == "the turn":
+        kept = NO_TURN @ kept @ NO_TURN
+    else:
+        kept[2, :2] = kept[:2, 2] = 0.0
+    increments = [
+        increment._replace(covariance=covariance(kept))
+        for increment in drawn(4000, COVARIANCE, 0.0)
+    ]
+    assert coverage(increments, truth_at(straight(4000))) < 93.0
+
+
+def test_no_stride_is_aligned_with_itself() -> None:
+    """One stride in ten veers by 6 sd of what was told, and the next comes back."""
+    position_m = straight(100)
+    position_m[9::10, 1] = 0.12
+    told = walk(position_m, np.diag([4e-4, 4e-4, 1e-12]))
+    assert coverage(told, truth_at(straight(100))) == pytest.approx(80.0, abs=1.0)
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+@pytest.mark.parametrize("measure", [coverage, whole_path_coverage])
+def test_the_ellipse_ends_at_its_edge(
+    share: float, measure: Callable[[list[Increment], Truth], float]
+) -> None:
+    """Every second stride is too long by as much as the share says, and the next too short."""
+    position_m = straight(40)
+    position_m[1::2, 0] += share * np.sqrt(5.991464547) * 0.03
+    steady = walk(position_m, np.diag([0.03**2, 0.02**2, 1e-12]))
+    assert measure(steady, truth_at(straight(40))) == (100.0 if share < 1.0 else 0.0)
 
 
 def test_a_stance_missed_shares_the_covariance_by_time() -> None:
@@ -85,7 +143,7 @@ def test_a_stance_missed_shares_the_covariance_by_time() -> None:
             (2.4, 0.0, 0.0),
             0.0,
             0.0,
-            covariance(0.02 * np.eye(2)),
+            covariance(0.02 * NO_TURN),
             (),
         )
         for stride in range(0, 12, 2)
@@ -97,15 +155,21 @@ def test_a_stance_missed_shares_the_covariance_by_time() -> None:
 
 
 def test_a_stride_told_without_covariance_is_outside() -> None:
-    increments = walk(straight(8), COVARIANCE_M2)
+    increments = walk(straight(8), COVARIANCE)
     truth = truth_at(np.vstack((straight(8), [[9 * 1.2, 0.0], [10 * 1.2, 0.0]])))
-    assert coverage(increments, truth) == pytest.approx(80.0)
+    assert coverage(increments, truth) == pytest.approx(100.0 * 7 / 9)  # the first is not judged
+    assert whole_path_coverage(increments, truth) == pytest.approx(80.0)
 
 
 def test_strides_between_two_true_stances_add_up() -> None:
-    increments = walk(straight(12), 0.01 * np.eye(2))
+    increments = walk(straight(12), 0.01 * NO_TURN)
     seen = truth_of_stances(np.arange(0.0, 13.0, 2.0), straight(12)[::2])
     for off_m, expected in ((0.34, 100.0), (0.36, 0.0)):
         bent_m = seen.position_m.copy()
         bent_m[1::2, 0] += off_m  # Each pair may be off by √(5.99·0.02) = 0.346 m.
         assert coverage(increments, truth_of_stances(seen.time_s, bent_m)) == expected
+
+
+def test_without_a_direction_to_begin_with_nothing_is_covered() -> None:
+    shuffled = 0.1 * straight(9)
+    assert math.isnan(coverage(walk(shuffled, COVARIANCE), truth_at(shuffled)))

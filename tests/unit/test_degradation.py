@@ -23,7 +23,7 @@ from edge_agent.evaluation.degradation import (
     scaled,
     thinned,
 )
-from edge_agent.evaluation.truth import Array, Height, Truth
+from edge_agent.evaluation.truth import Array, Height, Speed, Truth
 from edge_agent.sources.recording import Recording
 from shared.units import NS_PER_S
 
@@ -150,7 +150,9 @@ def test_gaps_come_as_often_as_they_say() -> None:
 def test_a_wrong_clock_is_wrong_for_samples_and_truth_alike() -> None:
     read = recording()
     times_s = np.array([4.0, 5.0, 6.0])
-    truth = Truth(times_s, np.zeros((3, 2)), Height(times_s, times_s))
+    truth = Truth(
+        times_s, np.zeros((3, 2)), Height(times_s, times_s), Speed(times_s, times_s), taped_m=83.5
+    )
     worse, told = DEGRADATIONS["clock +0.5 %"].apply(read, truth, chance())
     np.testing.assert_allclose(worse.time_ns, 1.005 * read.time_ns, rtol=1e-9)
     assert told is not None
@@ -158,6 +160,10 @@ def test_a_wrong_clock_is_wrong_for_samples_and_truth_alike() -> None:
     np.testing.assert_allclose(told.time_s, 1.005 * times_s)
     np.testing.assert_allclose(told.height.time_s, 1.005 * times_s)
     np.testing.assert_array_equal(told.height.down_m, times_s)
+    assert told.speed is not None
+    np.testing.assert_allclose(told.speed.time_s, 1.005 * times_s)
+    np.testing.assert_allclose(told.speed.speed_m_s, times_s / 1.005)
+    assert told.taped_m == 83.5
 
 
 @pytest.mark.parametrize("name", DEGRADATIONS)

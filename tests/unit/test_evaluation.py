@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,13 @@ from edge_agent.evaluation.errors import (
 )
 from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
 from edge_agent.evaluation.score_card import score_card, score_trial, set_of
-from edge_agent.evaluation.truth import Array, Truth, truth_of_path, truth_of_stances
+from edge_agent.evaluation.truth import (
+    Array,
+    Speed,
+    Truth,
+    truth_of_path,
+    truth_of_stances,
+)
 from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.mounts.interface import Increment
 from shared.maths.statistics import Summary
@@ -232,6 +239,40 @@ def test_stances_of_a_measured_path_are_its_stops(rate_hz: float) -> None:
     found = truth_of_path(*still_path([(1.0, 2.0), (4.0, 4.5), (8.0, 8.03)], rate_hz))
     assert found.time_s == pytest.approx([1.5, 4.25], abs=0.03)
     assert found.position_m[:, 0] == pytest.approx([1.0, 3.0], abs=0.02)
+
+
+@pytest.mark.parametrize("leaps", ["out of it", "into it"])
+def test_a_position_held_while_the_boot_moves_is_no_stance(leaps: str) -> None:
+    """Motion capture loses the boot in full swing for 0.4 s."""
+    time_s, position_m = still_path([(1.0, 2.0), (8.0, 9.0)])
+    position_m[500:541] = position_m[500 if leaps == "out of it" else 540]
+    found = truth_of_path(time_s, position_m)
+    assert found.time_s == pytest.approx([1.5, 8.5], abs=0.03)
+    assert found.height is not None
+    assert found.speed is not None
+    assert np.isnan(found.speed.speed_m_s[505:535]).all()
+    assert np.count_nonzero(np.isnan(found.speed.speed_m_s)) <= 41
+    assert found.speed.speed_m_s[450:490] == pytest.approx(1.0)
+
+
+def test_a_stance_in_a_swing_is_false_only_where_the_boot_is_seen_to_move() -> None:
+    increments = walk(places())
+    whole, middle_s = increments[7], 7.5
+    middle_ns = round(middle_s * NS_PER_S)
+    half = vector(0.5 * (places()[8] - places()[7]))
+    cut = [
+        whole._replace(end_time_ns=middle_ns, displacement_m=half, path=whole.path[:1]),
+        whole._replace(start_time_ns=middle_ns, displacement_m=half, path=whole.path[:1]),
+    ]
+    path = estimated_path([*increments[:7], *cut, *increments[8:]])
+    time_s = np.arange(0.0, 20.0, 0.01)
+    near = abs(time_s - middle_s) < 0.02
+    for speed_m_s, expected in ((0.2, 0.0), (0.4, 5.0), (math.nan, 5.0)):
+        seen = Speed(time_s, np.where(near, speed_m_s, 2.0))
+        found = stance_errors(path, replace(truth(), speed=seen))
+        assert found.false_stances_pct == pytest.approx(expected)
+    unseen = Speed(time_s, np.where(abs(time_s - middle_s) < 0.1, np.nan, 2.0))
+    assert stance_errors(path, replace(truth(), speed=unseen)).false_stances_pct == 0.0
 
 
 def test_a_shuffle_on_the_spot_is_one_stance() -> None:
