@@ -196,35 +196,8 @@ def _moves(instant_s: Array, speed: Speed | None) -> NDArray[np.bool_]:
     return np.array(slowest_m_s) > MOVING_M_S
 
 
-class VerticalErrors(NamedTuple):
-    """What height adds: its own error, RMS and at the end, both paths starting from zero.
-
-    And the error of the distance in space, from true stance to true stance.
-    """
-
-    vertical_rmse_m: float
-    vertical_end_error_m: float
-    distance_3d_error_pct: float
-
-
-def vertical_errors(path: EstimatedPath, truth: Truth) -> VerticalErrors | None:
-    """Return the errors wherever the truth has height; ``None`` if it has none."""
-    if truth.height is None:
-        return None
-    height = truth.height
-    down_m = path.at(height.time_s)[:, 2]
-    error_m = (down_m - down_m[0]) - (height.down_m - height.down_m[0])
-    stood_down_m = np.interp(truth.time_s, height.time_s, height.down_m)
-    true_m = _length_m(np.column_stack((truth.position_m, stood_down_m)))
-    estimated_m = _length_m(path.at(truth.time_s))
-    return VerticalErrors(
-        float(np.sqrt(np.mean(error_m**2))),
-        float(error_m[-1]),
-        100.0 * (estimated_m - true_m) / true_m if true_m > 0.0 else math.nan,
-    )
-
-
-def _length_m(position_m: Array) -> float:
+def path_length_m(position_m: Array) -> float:
+    """Return the length of the way through ``position_m`` (n, 2 or 3)."""
     return float(np.linalg.norm(np.diff(position_m, axis=0), axis=1).sum())
 
 
@@ -242,5 +215,5 @@ def closure(path: EstimatedPath) -> Closure:
     return Closure(
         float(np.linalg.norm(travelled_m[:2])),
         float(np.linalg.norm(travelled_m)),
-        _length_m(path.position_m[:, :2]),
+        path_length_m(path.position_m[:, :2]),
     )

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Sequence
 import msgspec
 
 from edge_agent.evaluation.coverage import coverage95_pct, whole_path_coverage95_pct
-from edge_agent.evaluation.errors import closure, stance_errors, vertical_errors
+from edge_agent.evaluation.errors import closure, stance_errors
 from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
 from edge_agent.evaluation.truth import Truth
+from edge_agent.evaluation.vertical import vertical_errors
 from edge_agent.mounts.interface import Increment
 from shared.maths.statistics import Summary, summarise
 
@@ -18,6 +19,7 @@ METRICS = (
     "distance_error_pct", "distance_3d_error_pct", "taped_error_pct", "stride_rmse_m", "ate_pct",
     "end_error_pct", "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct",
     "coverage95_pct", "coverage95_whole_path_pct", "vertical_rmse_m", "vertical_end_error_m",
+    "vertical_increment_rmse_m", "vertical_coverage95_pct", "floor_rmse_m",
     "closure_2d_m", "closure_3d_m", "samples_per_s",
 )  # fmt: skip
 """The fields of ``TrialScore`` that a set sums up."""
@@ -41,9 +43,9 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     as laid out with a tape: the paper's own figure. ``heading_drift_deg_min`` is positive for a
     path that turns right, ``vertical_end_error_m`` for one that ends too low. ``coverage95_pct``
     is no error: 95 is what it should be; ``coverage95_whole_path_pct`` would be lower on any walk
-    along which heading drifts. ``samples_per_s`` is what the mount alone took in, on the
-    machine and the day it was measured. ``failure`` says why there is no score; the trial still
-    counts.
+    along which heading drifts, and ``vertical_coverage95_pct`` is that of height.
+    ``samples_per_s`` is what the mount alone took in, on the machine and the day it was measured.
+    ``failure`` says why there is no score; the trial still counts.
     """
 
     name: str
@@ -64,6 +66,9 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     coverage95_whole_path_pct: float | None = None
     vertical_rmse_m: float | None = None
     vertical_end_error_m: float | None = None
+    vertical_increment_rmse_m: float | None = None
+    vertical_coverage95_pct: float | None = None
+    floor_rmse_m: float | None = None
     closure_2d_m: float | None = None
     closure_3d_m: float | None = None
     samples_per_s: float | None = None
@@ -115,7 +120,7 @@ def score_trial(
 def _errors(
     set_name: str, increments: Sequence[Increment], path: EstimatedPath, truth: Truth
 ) -> dict[str, float | None]:
-    vertical = vertical_errors(path, truth)
+    vertical = vertical_errors(increments, path, truth)
     errors = {} if vertical is None else vertical._asdict()
     if set_name.endswith(f"/{IN_PLACE}"):
         errors.pop("distance_3d_error_pct", None)

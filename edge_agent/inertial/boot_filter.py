@@ -136,6 +136,7 @@ def update(
         s.velocity_m_s[c] += correction[3 + c]
         s.force_bias_m_s2[c] += correction[9 + c]
         s.rate_bias_rad_s[c] += correction[12 + c]
+    s.corrected_down_m_s += correction[5]
     s.rolling_height_m += correction[ROLLING_HEIGHT]
     turn_nav(s.quat_wxyz, correction[6], correction[7], correction[8])
 

@@ -82,6 +82,9 @@ def close_stride(
     o.peak_speed_m_s, o.rolling_height_m = peak_speed_m_s, s.rolling_height_m
     o.statistic = s.statistic[anchor & mask]
     write_increment_covariance(s.covariance, o.covariance, p, o.displacement_m, o.peak_speed_m_s)
+    corrected_m = s.corrected_down_m_s * 1e-9 * (o.end_ns - o.start_ns)
+    o.covariance[2, 2] += p.down_placement_sd_m**2 + (p.down_correction_share * corrected_m) ** 2
+    s.corrected_down_m_s = 0.0
     s.boundary, s.anchor, s.candidate = m, anchor, -1
 
 
@@ -108,7 +111,9 @@ def write_increment_covariance(
 
     Beyond the filter's own, a foot is set down on a place that is not a point, and what scale,
     alignment and delay of a sensor do wrong grows with stride and speed. Both were set so that
-    the 95 % ellipse holds 95 % of the strides in every gait.
+    the 95 % ellipse holds 95 % of the strides in every gait. Height errs otherwise: most where a
+    boot that slowly rose or sank was taken for standing, which shows in how much of its vertical
+    speed was corrected away (:func:`close_stride` adds that).
     """
     known = covariance[START_HEADING, START_HEADING]
     length = math.sqrt(displacement_m[0] ** 2 + displacement_m[1] ** 2 + displacement_m[2] ** 2)
@@ -121,8 +126,12 @@ def write_increment_covariance(
             if known > 0.0:
                 out[i, j] -= covariance[a, START_HEADING] * covariance[b, START_HEADING] / known
             out[i, j] *= p.increment_covariance_factor
-        if i < 3:
+        if i < 2:
             out[i, i] += extra
+    lessened = math.sqrt(p.down_covariance_factor / p.increment_covariance_factor)
+    for i in range(4):
+        out[2, i] *= lessened
+        out[i, 2] *= lessened
     for i in range(STATES):
         for c in range(3):
             covariance[c, i] = covariance[i, c] = 0.0

@@ -94,6 +94,9 @@ class EskfParameters(NamedTuple):
     increment_covariance_factor: float = 2.0
     placement_sd_m: float = 0.02
     stride_sd_share_per_m_s: float = 0.0055
+    down_covariance_factor: float = 0.35
+    down_placement_sd_m: float = 0.01
+    down_correction_share: float = 0.7
 
     # Bridging gaps with the wearer's last stride.
     bridge_shortest_period_s: float = 0.35

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from edge_agent.evaluation.truth import Truth, truth_of_stances
+from edge_agent.evaluation.truth import Height, Truth, truth_of_stances
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.recording import Recording, SourceError
 from edge_agent.sources.vendor_csv import read_vendor_csv
@@ -84,7 +85,11 @@ def _read_csv(path: Path) -> TrialData:
 def _simulate(scenario: Scenario, responder: str, seed: int) -> TrialData:
     read = simulate_boot_imu(scenario, responder, seed)
     walk = simulate_walk(scenario, responder, seed)
-    truth = truth_of_stances(walk.stance_time_s, walk.stance_position_m, scenario.taped_m)
+    position_m, _ = walk.foot.pose(read.time_s)
+    truth = replace(
+        truth_of_stances(walk.stance_time_s, walk.stance_position_m, scenario.taped_m),
+        height=Height(read.time_s, position_m[:, 2]),
+    )
     time_ns = np.rint(read.time_s * NS_PER_S).astype(np.int64)
     recording = Recording(time_ns, read.force_m_s2, read.rate_rad_s, read.field_ut)
     return TrialData(recording, truth)

@@ -17,17 +17,18 @@ from edge_agent.evaluation.errors import (
     end_error_m,
     missed_stances_pct,
     stance_errors,
-    vertical_errors,
 )
 from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
 from edge_agent.evaluation.score_card import score_card, score_trial, set_of
 from edge_agent.evaluation.truth import (
     Array,
+    Height,
     Speed,
     Truth,
     truth_of_path,
     truth_of_stances,
 )
+from edge_agent.evaluation.vertical import VerticalErrors, vertical_errors
 from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.mounts.interface import Increment
 from shared.maths.statistics import Summary
@@ -210,14 +211,63 @@ def test_too_few_strides_are_no_score() -> None:
         scored(lambda p: p, places(5))
 
 
+def stepping(position_m: Array) -> Truth:
+    """The truth of ``walk``, whose height changes while the boot swings."""
+    start_s = STRIDE_S * np.arange(len(position_m) - 1.0) + LATE_S
+    down_m = position_m[:, 2]
+    times_s = np.append(np.column_stack((start_s, start_s + SWING_S)), start_s[-1] + STRIDE_S)
+    heights = np.append(np.column_stack((down_m[:-1], down_m[1:])), down_m[-1])
+    return replace(truth(position_m), height=Height(times_s, heights))
+
+
+def with_height_sd(increment: Increment, sd_m: float) -> Increment:
+    return increment._replace(covariance=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, sd_m**2, 0.0, 0.0))
+
+
+def height_errors(increments: list[Increment], true: Truth) -> VerticalErrors | None:
+    return vertical_errors(increments, estimated_path(increments), true)
+
+
 def test_height_is_scored_where_it_is_known() -> None:
     sunk = places() * [1.0, 1.0, 2.0]
-    errors = vertical_errors(estimated_path(walk(sunk)), truth())
+    errors = height_errors(walk(sunk), truth())
     assert errors is not None
     assert errors.vertical_end_error_m == pytest.approx(places()[-1, 2])
     assert errors.distance_3d_error_pct > 0.0
     flat = truth_of_stances(np.arange(21.0), places()[:, :2])
-    assert vertical_errors(estimated_path(walk(sunk)), flat) is None
+    assert height_errors(walk(sunk), flat) is None
+
+
+def test_each_increment_is_held_to_the_height_that_it_told() -> None:
+    """Of twenty strides, the ten that rise are told too low by 0.04 m; every other knows it."""
+    told = walk(places() * [1.0, 1.0, 0.6])
+    sds_m = (0.02, 0.021)
+    told = [with_height_sd(one, sds_m[k % 2]) for k, one in enumerate(told)]
+    errors = height_errors(told, stepping(places()))
+    assert errors is not None
+    assert errors.vertical_increment_rmse_m == pytest.approx(0.04 * math.sqrt(0.5))
+    assert errors.vertical_coverage95_pct == 75.0
+    assert math.isnan(errors.floor_rmse_m)
+
+
+def test_what_rose_unsaid_is_an_error_of_the_next_increment() -> None:
+    """Standing in a lift up 3 m before the fifth stride, which neither tells nor knows of it."""
+    lifted = places(11)
+    lifted[5:, 2] -= 3.0
+    told = [with_height_sd(one, 0.01) for one in walk(places(11))]
+    errors = height_errors(told, stepping(lifted))
+    assert errors is not None
+    assert errors.vertical_coverage95_pct == 90.0
+    assert errors.floor_rmse_m == pytest.approx(3.0)
+
+
+def test_climbs_are_told_from_floor_to_floor() -> None:
+    """Up five steps, along, down five steps; told 10 % too high."""
+    rises_m = [0.0] * 3 + [-0.4] * 5 + [0.0] * 3 + [0.4] * 5 + [0.0] * 3
+    position_m = np.column_stack((np.arange(20.0), np.zeros(20), np.cumsum([0.0, *rises_m])))
+    errors = height_errors(walk(position_m * [1.0, 1.0, 1.1]), truth(position_m))
+    assert errors is not None
+    assert errors.floor_rmse_m == pytest.approx(0.2)
 
 
 def test_a_loop_closes() -> None:
