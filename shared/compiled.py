@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core.dispatcher import Dispatcher
@@ -27,6 +27,17 @@ def compiled(function: Kernel) -> Kernel:
         return cast(Kernel, njit(error_model="numpy")(function))
     _drop_stale(dispatcher, function)
     return cast(Kernel, dispatcher)
+
+
+def direct(kernel: Kernel) -> Kernel:
+    """Return the machine code of a kernel that has been compiled for one set of types, itself.
+
+    Called so, a kernel does not look up its arguments' types, which for records costs more than
+    what many a kernel does. Arrays must be of those types; numbers are cast. Raises ValueError for
+    a kernel compiled for no set of types, or for several.
+    """
+    (machine_code,) = cast(Dispatcher, kernel).overloads.values()
+    return cast(Kernel, cast(Any, machine_code).entry_point)
 
 
 def _drop_stale(dispatcher: Dispatcher, function: Callable[..., object]) -> None:

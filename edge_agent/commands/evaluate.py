@@ -191,10 +191,7 @@ def _score_data(
 
 def _follow(data: TrialData, setup: _Setup) -> tuple[list[Increment], float]:
     """Return what a new mount makes of the samples, and how long it alone took for that (s)."""
-    samples = list(data.samples)
     mount = make_mount(setup.mount, setup.method)
     began_s = perf_counter()
-    told = [mount.step(sample) for sample in samples]
-    left = mount.finish()
-    elapsed_s = perf_counter() - began_s
-    return [increment for increment in told if increment is not None] + left, elapsed_s
+    told = mount.steps(data.samples) + mount.finish()
+    return told, perf_counter() - began_s

@@ -97,7 +97,7 @@ def decimated(recording: Recording, rate_hz: float) -> Recording:
         return recording
     count = int((time_s[-1] - time_s[0]) * rate_hz + 1e-6) + 1
     ticks_s = time_s[0] + np.arange(count) / rate_hz
-    return _rows(recording, np.unique(_nearest(time_s, ticks_s)))
+    return recording.rows(np.unique(_nearest(time_s, ticks_s)))
 
 
 def clipped(
@@ -132,13 +132,13 @@ def noisy(recording: Recording, chance: np.random.Generator) -> Recording:
 
 def thinned(recording: Recording, chance: np.random.Generator, lost_share: float) -> Recording:
     """Return what is left when each sample is lost with a probability of ``lost_share``."""
-    return _rows(recording, np.flatnonzero(chance.random(len(recording)) >= lost_share))
+    return recording.rows(np.flatnonzero(chance.random(len(recording)) >= lost_share))
 
 
 def interrupted(recording: Recording, gap_s: float, every_s: float) -> Recording:
     """Return what is left when the last ``gap_s`` of each ``every_s`` are lost."""
     since_s = (recording.time_ns - recording.time_ns[0]) / NS_PER_S
-    return _rows(recording, np.flatnonzero(since_s % every_s < every_s - gap_s))
+    return recording.rows(np.flatnonzero(since_s % every_s < every_s - gap_s))
 
 
 def _rate_hz(time_s: Array) -> float:
@@ -173,17 +173,6 @@ def _mean_readings(readings: Array, time_s: Array, periods_s: Array) -> Array:
 def _nearest(time_s: Array, wanted_s: Array) -> NDArray[np.intp]:
     """Return the row of rising ``time_s`` that is nearest to each of ``wanted_s``."""
     return np.searchsorted(0.5 * (time_s[1:] + time_s[:-1]), wanted_s)
-
-
-def _rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
-    field_ut, pressure_pa = recording.field_ut, recording.pressure_pa
-    return Recording(
-        recording.time_ns[rows],
-        recording.force_m_s2[rows],
-        recording.rate_rad_s[rows],
-        None if field_ut is None else field_ut[rows],
-        None if pressure_pa is None else pressure_pa[rows],
-    )
 
 
 def _sure(degrade: Callable[[Recording], Recording]) -> Degradation:

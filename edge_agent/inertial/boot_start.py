@@ -19,7 +19,6 @@ START_UP_S = 0.6
 """So many seconds of samples are looked at before the first is taken."""
 
 STILL_S = 0.2
-HARDEST_M_S2, FASTEST_RAD_S = 700.0, 80.0
 
 
 class Start(NamedTuple):
@@ -85,17 +84,3 @@ def mean_sample(samples: Sequence[ImuSample]) -> ImuSample:
 def _mean(vectors: list[Vector3]) -> Vector3:
     x, y, z = (sum(axis) / len(vectors) for axis in zip(*vectors, strict=True))
     return (x, y, z)
-
-
-def plausible(sample: ImuSample) -> bool:
-    """Whether a boot can give ``sample``; a comparison with NaN is false."""
-    fx, fy, fz = sample.force_m_s2
-    wx, wy, wz = sample.rate_rad_s
-    return (
-        -HARDEST_M_S2 <= fx <= HARDEST_M_S2
-        and -HARDEST_M_S2 <= fy <= HARDEST_M_S2
-        and -HARDEST_M_S2 <= fz <= HARDEST_M_S2
-        and -FASTEST_RAD_S <= wx <= FASTEST_RAD_S
-        and -FASTEST_RAD_S <= wy <= FASTEST_RAD_S
-        and -FASTEST_RAD_S <= wz <= FASTEST_RAD_S
-    )

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from edge_agent.inertial.eskf_parameters import CAPACITY, EskfParameters
 from edge_agent.inertial.foot_mechanisation import level_quaternion
-from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.inertial.sample_ring import SAMPLE_WIDTH
+from edge_agent.inertial.stride_path import NO_PATH, StridePath
 from edge_agent.inertial.stride_smoothing import HISTORY_WIDTH
 from edge_agent.inertial.zupt_filter import ROLLING_HEIGHT, STATES
 from shared.maths.rotations import Vector3
@@ -57,6 +57,15 @@ STATE = np.dtype(
         ("anchor_position_m", "f8", (3,)),
         ("anchor_quat_wxyz", "f8", (4,)),
         ("heading_rad", "f8"),
+        # intake: the clock samples are placed by (a period of 0: not begun), the newest raw
+        # sample, how many more samples came out of their time than in it, a gap to be bridged
+        ("period_ns", "f8"),
+        ("taken_ns", "f8"),
+        ("jitter_ns", "f8"),
+        ("stamp_ns", "i8"),
+        ("reading", "f8", (6,)),
+        ("misfits", "i8"),
+        ("gap", "i8", (2,)),
         # rings
         ("time_ns", "i8", (CAPACITY,)),
         ("samples", "f8", (CAPACITY, SAMPLE_WIDTH)),
@@ -122,7 +131,15 @@ class Stride(NamedTuple):
     lowest_m: float
     statistic: float
     rolling_height_m: float
-    path: tuple[PathPoint, ...]
+    path: StridePath
+
+
+def blank_state() -> State:
+    """Return the state before any sample."""
+    state = np.zeros(1, STATE)
+    state["reading"] = np.nan
+    state["gap"] = -1
+    return state
 
 
 def initial_state(
@@ -143,7 +160,7 @@ def initial_state(
         trembling < parameters.still_rate_rad_s
         and float(np.linalg.norm(rate_rad_s)) > parameters.doubtful_bias_rad_s
     )
-    state = np.zeros(1, STATE)
+    state = blank_state()
     s = state[0]
     s["quat_wxyz"] = s["anchor_quat_wxyz"] = level_quaternion(force_m_s2)
     norm = float(np.linalg.norm(force_m_s2))
@@ -186,7 +203,6 @@ def stride_of(outcome: OutcomeRecord, state: StateRecord) -> Stride:
     path_m = state["path"][slots, :3]
     path_m += displacement_m - path_m[-1]
     path_m[0], path_m[-1] = 0.0, displacement_m
-    times_ns = state["time_ns"][slots].tolist()
     north, east, down = displacement_m.tolist()
     return Stride(
         kind=int(outcome["kind"]),
@@ -201,10 +217,7 @@ def stride_of(outcome: OutcomeRecord, state: StateRecord) -> Stride:
         lowest_m=float(outcome["lowest_m"]),
         statistic=float(outcome["statistic"]),
         rolling_height_m=float(outcome["rolling_height_m"]),
-        path=tuple(
-            PathPoint(time_ns, *point)
-            for time_ns, point in zip(times_ns, path_m.tolist(), strict=True)
-        ),
+        path=StridePath(state["time_ns"][slots], path_m),
     )
 
 
@@ -223,5 +236,5 @@ def lost_stride(start_ns: int, end_ns: int, heading_rad: float) -> Stride:
         lowest_m=0.0,
         statistic=0.0,
         rolling_height_m=0.0,
-        path=(),
+        path=NO_PATH,
     )

@@ -7,16 +7,12 @@ comes after it. :func:`step` is the only way in; :func:`run` is the same step ov
 from __future__ import annotations
 
 import math
-from functools import cache
-from typing import cast
 
 import numpy as np
-from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from edge_agent.inertial.boot_filter import filter_slot
 from edge_agent.inertial.boot_state import (
-    OUTCOME,
     STANDING,
     STRIDE,
     UNFINISHED,
@@ -24,14 +20,11 @@ from edge_agent.inertial.boot_state import (
     OutcomeRecord,
     State,
     StateRecord,
-    initial_state,
 )
 from edge_agent.inertial.eskf_parameters import (
     CAPACITY,
-    EskfParameters,
     Parameters,
     ParametersRecord,
-    kernel_parameters,
 )
 from edge_agent.inertial.foot_mechanisation import turn_about_down, turn_nav
 from edge_agent.inertial.gap_bridging import bridge_gap
@@ -304,21 +297,3 @@ def run(
                         path_m[slot, c] = state[0].path[slot & (CAPACITY - 1), c]
             found += 1
     return found
-
-
-@cache
-def compile_kernels() -> None:
-    """Have every kernel that a tracker calls ready, compiled or read from disk, once a process.
-
-    What they compile to is then fixed: other types of numbers are cast, never compiled for.
-    """
-    parameters = EskfParameters()
-    resting, still = np.array([[0.0, 0.0, -parameters.gravity_m_s2]]), np.zeros((1, 3))
-    state, outcomes = initial_state(parameters, resting, still), np.zeros(MOST_HELD, OUTCOME)
-    kernel = kernel_parameters(parameters, 100.0)
-    step(state, outcomes, kernel, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01, False)
-    mend_gap(state, kernel, 1, 1)
-    mend_sample(state, kernel, 0, resting[0], still[0])
-    finish(state, outcomes, kernel)
-    for called in (step, mend_gap, mend_sample, finish):
-        cast(Dispatcher, called).disable_compile()

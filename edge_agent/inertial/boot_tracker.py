@@ -13,25 +13,19 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from edge_agent.inertial.boot_start import START_UP_S, Start, mean_sample, plausible, start_on
+from edge_agent.inertial.boot_start import START_UP_S, Start, mean_sample, start_on
 from edge_agent.inertial.boot_state import (
     OUTCOME,
     STATE,
     Outcome,
     State,
     Stride,
+    blank_state,
     credible,
     lost_stride,
     stride_of,
 )
-from edge_agent.inertial.boot_strides import (
-    MOST_HELD,
-    compile_kernels,
-    finish,
-    mend_gap,
-    mend_sample,
-    step,
-)
+from edge_agent.inertial.boot_strides import MOST_HELD, finish, mend_sample
 from edge_agent.inertial.eskf_parameters import (
     CAPACITY,
     EskfParameters,
@@ -39,8 +33,22 @@ from edge_agent.inertial.eskf_parameters import (
     windows_at,
 )
 from edge_agent.inertial.foot_mechanisation import turn_about_down, turn_nav
-from edge_agent.inertial.sample_clock import Arrival, ClockState, place
+from edge_agent.inertial.sample_clock import ClockState, place
+from edge_agent.inertial.sample_intake import (
+    IMPLAUSIBLE,
+    MISPLACED,
+    REPEATED,
+    TAKEN,
+    accept,
+    compile_kernels,
+    judge,
+    take,
+    take_next,
+    take_rows,
+)
 from edge_agent.inertial.sample_ring import BRIDGED
+from edge_agent.sources.recording import Recording
+from shared.compiled import direct
 from shared.maths.rotations import Quaternion
 from shared.messages import ImuSample
 from shared.units import NS_PER_S
@@ -76,24 +84,16 @@ class Counts(NamedTuple):
     refused_starts: int = 0
 
 
-class _Gap(NamedTuple):
-    first: int
-    last: int
-
-
 class _Saved(msgspec.Struct):
     """A tracker as bytes hold it."""
 
     parameters: EskfParameters
     state: bytes
     window_rate_hz: float
-    clock: ClockState | None
+    begun: bool
     waiting: list[ImuSample]
     block: int
     raw: list[ImuSample]
-    last: ImuSample | None
-    gap: _Gap | None
-    misfits: int
     told_ns: int | None
     trouble: str | None
     counts: Counts
@@ -104,17 +104,15 @@ class BootTracker:
 
     def __init__(self, parameters: EskfParameters | None = None) -> None:
         compile_kernels()
+        self._take_directly = direct(take)
         self._parameters = parameters or EskfParameters()
-        self._state: State = np.zeros(1, STATE)
+        self._state: State = blank_state()
         self._outcomes: Outcome = np.zeros(MOST_HELD, OUTCOME)
         self._set_windows(100.0)
-        self._clock: ClockState | None = None
+        self._begun = False
         self._waiting: list[ImuSample] = []
         self._block = 1
         self._raw: list[ImuSample] = []
-        self._last: ImuSample | None = None
-        self._gap: _Gap | None = None
-        self._misfits = 0
         self._astray = False
         self._told_ns: int | None = None
         self.trouble: str | None = None
@@ -127,12 +125,18 @@ class BootTracker:
         self._window_rate_hz = rate_hz
         self._kernel = kernel_parameters(self._parameters, rate_hz)
         self._lag = windows.half_window + windows.look_ahead
-        self._margin = windows.bridge_margin
 
     @property
     def rate_hz(self) -> float | None:
         """The true sampling rate as estimated so far; ``None`` before tracking has begun."""
-        return self._block * NS_PER_S / self._clock.period_ns if self._clock else None
+        return self._block * NS_PER_S / self._clock.period_ns if self._begun else None
+
+    @property
+    def _clock(self) -> ClockState:
+        s = self._state
+        return ClockState(
+            float(s["period_ns"][0]), float(s["taken_ns"][0]), float(s["jitter_ns"][0])
+        )
 
     @property
     def filtered_ns(self) -> int | None:
@@ -165,29 +169,58 @@ class BootTracker:
 
         A sample that repeats the last, or that no boot can have given, is dropped and counted.
         """
-        if not plausible(sample):
-            self.counts = self.counts._replace(implausible=self.counts.implausible + 1)
-            return []
-        if self._last is not None and _repeats(sample, self._last):
-            self.counts = self.counts._replace(repeated=self.counts.repeated + 1)
-            return []
-        self._last = sample
-        if self._clock is None or self._block == 1:
-            return self._take(sample)
-        return self._average(sample, self._clock.period_ns)
+        direct = self._begun and self._block == 1
+        if direct:
+            came = self._take_directly(
+                self._state, self._outcomes, self._kernel,
+                sample.time_ns, *sample.force_m_s2, *sample.rate_rad_s,
+            )  # fmt: skip
+        else:
+            came = judge(self._state, sample.time_ns, *sample.force_m_s2, *sample.rate_rad_s)
+        if came != TAKEN:
+            return self._settle(came, sample)
+        return [] if direct else self._prepare(sample)
+
+    def step_rows(self, samples: Recording, first: int) -> tuple[int, list[Stride]]:
+        """Take in samples from row ``first`` on, up to the first that completes strides.
+
+        Return the row after it, and the strides: all is as by :meth:`step` of each.
+        """
+        if not self._begun or self._block > 1:
+            return first + 1, self.step(samples.sample(first))
+        row, came = take_rows(
+            self._state, self._outcomes, self._kernel,
+            samples.time_ns, samples.force_m_s2, samples.rate_rad_s, first,
+        )  # fmt: skip
+        return row, [] if came == TAKEN else self._settle(came, samples.sample(row - 1))
 
     def finish(self) -> list[Stride]:
         """Return the strides still held back, judged with what there is; nothing may follow."""
-        if self._clock is None:
+        if not self._begun:
             return []
-        self._gap = None
+        self._state["gap"] = -1
         found = finish(self._state, self._outcomes, self._kernel)
         return [stride for i in range(found) for stride in self._told(i)]
 
-    def _average(self, sample: ImuSample, period_ns: float) -> list[Stride]:
-        """Average a block of a sensor faster than the filter; one that a gap tears is dropped."""
-        if self._raw and sample.time_ns - self._raw[0].time_ns > 1.5 * period_ns:
-            self._raw = []
+    def _settle(self, came: int, sample: ImuSample) -> list[Stride]:
+        """Do what ``came`` of a sample asks for beyond taking it."""
+        if came == IMPLAUSIBLE:
+            self.counts = self.counts._replace(implausible=self.counts.implausible + 1)
+            return []
+        if came == REPEATED:
+            self.counts = self.counts._replace(repeated=self.counts.repeated + 1)
+            return []
+        strides = self._put_right(sample) if came == MISPLACED else self._told(0)
+        if self._astray:
+            self._restart([])
+        return strides
+
+    def _prepare(self, sample: ImuSample) -> list[Stride]:
+        """Hold back a sample that cannot be taken as it is."""
+        if not self._begun:
+            return self._wait(sample)
+        if self._raw and sample.time_ns - self._raw[0].time_ns > 1.5 * self._clock.period_ns:
+            self._raw = []  # A block that a gap tears is no average.
         self._raw.append(sample)
         if len(self._raw) < self._block:
             return []
@@ -195,38 +228,44 @@ class BootTracker:
         return self._take(mean_sample(block))
 
     def _take(self, sample: ImuSample) -> list[Stride]:
-        """Place one sample in time, and take it in if its place is not past."""
-        if self._clock is None:
+        """Take in a sample that has been judged."""
+        if not self._begun:
             return self._wait(sample)
-        arrival = place(self._clock, sample.time_ns)
-        if arrival.late_by:
-            mended = self._mend_late(sample, arrival.late_by)
-            self._misfits += not mended
-        else:
-            self._misfits = max(0, self._misfits + (1 if arrival.missing else -1))
-        too_long = arrival.missing * self._clock.period_ns > LONGEST_GAP_S * NS_PER_S
-        if too_long or self._misfits >= MOST_MISFITS:
+        came = take_next(
+            self._state, self._outcomes, self._kernel,
+            sample.time_ns, *sample.force_m_s2, *sample.rate_rad_s,
+        )  # fmt: skip
+        return [] if came == TAKEN else self._settle(came, sample)
+
+    def _put_right(self, sample: ImuSample) -> list[Stride]:
+        """Take in a sample with others missing before it, or that is late."""
+        clock = self._clock
+        arrival = place(clock, sample.time_ns)
+        fits = arrival.late_by > 0 and self._mend_late(sample, arrival.late_by)
+        self._state["misfits"] += not fits
+        too_long = arrival.missing * clock.period_ns > LONGEST_GAP_S * NS_PER_S
+        if too_long or self._state["misfits"][0] >= MOST_MISFITS:
             strides = self.finish()
             self._restart([sample])
             return strides
-        strides = [] if arrival.late_by else self._accept(sample, arrival)
-        if self._astray:
-            self._restart([])
-        return strides
+        if arrival.late_by:
+            return []
+        strides = self._hold_places(sample, arrival.missing, clock)
+        taken_ns = round(arrival.state.taken_ns)
+        return strides + self._push(taken_ns, sample, arrival.state, arrival.dt_s)
 
-    def _accept(self, sample: ImuSample, arrival: Arrival) -> list[Stride]:
-        strides: list[Stride] = []
-        if arrival.missing and self._clock is not None:
-            strides += self._hold_places(sample, arrival.missing, self._clock)
-        self._clock = arrival.state
-        strides += self._push(round(arrival.state.taken_ns), sample, arrival.dt_s, bridged=False)
-        self._mend_when_known()
-        return strides
-
-    def _push(self, time_ns: int, sample: ImuSample, dt_s: float, *, bridged: bool) -> list[Stride]:
-        closed = step(
-            self._state, self._outcomes, self._kernel, time_ns,
-            *sample.force_m_s2, *sample.rate_rad_s, dt_s, bridged,
+    def _push(
+        self,
+        time_ns: int,
+        sample: ImuSample,
+        clock: ClockState,
+        dt_s: float,
+        *,
+        bridged: bool = False,
+    ) -> list[Stride]:
+        closed = accept(
+            self._state, self._outcomes, self._kernel, time_ns, clock, dt_s,
+            *sample.force_m_s2, *sample.rate_rad_s, bridged,
         )  # fmt: skip
         return self._told(0) if closed else []
 
@@ -262,12 +301,12 @@ class BootTracker:
 
     def _begin(self, start: Start) -> list[Stride]:
         self._set_windows(start.rate_hz)
-        self._clock, self._block = start.clock, start.block
+        self._begun, self._block = True, start.block
         first, *others = start.samples
         strides = [] if self._told_ns is None else [self._lost_until(first.time_ns)]
         self._carry_over(start.state)
         self._told_ns = first.time_ns
-        strides += self._push(first.time_ns, first, start.clock.period_ns / NS_PER_S, bridged=False)
+        strides += self._push(first.time_ns, first, start.clock, start.clock.period_ns / NS_PER_S)
         for sample in others:
             strides += self._take(sample)
         return strides
@@ -275,6 +314,8 @@ class BootTracker:
     def _carry_over(self, begun: State) -> None:
         """After a restart keep what a new levelling cannot know, the heading as the best guess."""
         before, self._state = self._state, begun
+        for name in ("stamp_ns", "reading"):
+            begun[name] = before[name]
         if self._told_ns is None:
             return
         for name in ("rate_bias_rad_s", "heading_rad", "rolling_height_m"):
@@ -293,7 +334,8 @@ class BootTracker:
 
     def _restart(self, waiting: list[ImuSample]) -> None:
         self.counts = self.counts._replace(restarts=self.counts.restarts + 1)
-        self._clock, self._gap, self._misfits, self._astray = None, None, 0, False
+        self._state["gap"], self._state["misfits"] = -1, 0
+        self._begun, self._astray = False, False
         self._block, self._raw, self._waiting = 1, [], waiting
 
     def _hold_places(self, sample: ImuSample, missing: int, clock: ClockState) -> list[Stride]:
@@ -304,26 +346,15 @@ class BootTracker:
         lines = np.linspace(before, after, missing + 2)[1:-1].tolist()
         strides: list[Stride] = []
         for i, (fx, fy, fz, wx, wy, wz) in enumerate(lines, 1):
-            time_ns = round(clock.taken_ns + i * clock.period_ns)
+            now = clock._replace(taken_ns=clock.taken_ns + i * clock.period_ns)
+            time_ns = round(now.taken_ns)
             held = ImuSample(time_ns, (fx, fy, fz), (wx, wy, wz))
-            strides += self._push(time_ns, held, clock.period_ns / NS_PER_S, bridged=True)
-        self._gap = _Gap(head, head + missing - 1)
+            strides += self._push(time_ns, held, now, clock.period_ns / NS_PER_S, bridged=True)
+        self._state["gap"] = head, head + missing - 1
         self.counts = self.counts._replace(
             bridged=self.counts.bridged + missing, gaps=self.counts.gaps + 1
         )
         return strides
-
-    def _mend_when_known(self) -> None:
-        """Bridge the latest gap once enough has come after it, or the filter is near."""
-        if self._gap is None:
-            return
-        head = int(self._state["head"][0])
-        known = head - 1 - self._gap.last >= self._margin
-        reach = head - self._lag
-        if known or reach >= self._gap.first - 1:
-            if reach <= self._gap.first:
-                mend_gap(self._state, self._kernel, self._gap.first, self._gap.last)
-            self._gap = None
 
     def _mend_late(self, sample: ImuSample, late_by: int) -> bool:
         """Put a late sample where its place was held, if the filter has not passed it yet."""
@@ -341,7 +372,7 @@ class BootTracker:
             np.array(sample.force_m_s2, dtype=np.float64),
             np.array(sample.rate_rad_s, dtype=np.float64),
         )  # fmt: skip
-        self._gap = None
+        self._state["gap"] = -1
         self.counts = self.counts._replace(late_mended=self.counts.late_mended + 1)
         return True
 
@@ -349,9 +380,8 @@ class BootTracker:
         """Return everything a tracker knows; :func:`resume` makes it again, to the bit."""
         return msgspec.msgpack.encode(
             _Saved(
-                self._parameters, self._state.tobytes(), self._window_rate_hz, self._clock,
-                self._waiting, self._block, self._raw, self._last, self._gap, self._misfits,
-                self._told_ns, self.trouble, self.counts,
+                self._parameters, self._state.tobytes(), self._window_rate_hz, self._begun,
+                self._waiting, self._block, self._raw, self._told_ns, self.trouble, self.counts,
             )
         )  # fmt: skip
 
@@ -370,16 +400,7 @@ def resume(saved: bytes) -> BootTracker:
     tracker = BootTracker(was.parameters)
     tracker._state = np.frombuffer(was.state, STATE).copy()
     tracker._set_windows(was.window_rate_hz)
-    tracker._clock, tracker._waiting, tracker._last = was.clock, was.waiting, was.last
-    tracker._block, tracker._raw = was.block, was.raw
-    tracker._gap, tracker._misfits, tracker._told_ns = was.gap, was.misfits, was.told_ns
+    tracker._begun, tracker._waiting = was.begun, was.waiting
+    tracker._block, tracker._raw, tracker._told_ns = was.block, was.raw, was.told_ns
     tracker.trouble, tracker.counts = was.trouble, was.counts
     return tracker
-
-
-def _repeats(sample: ImuSample, last: ImuSample) -> bool:
-    return (
-        sample.time_ns == last.time_ns
-        and sample.force_m_s2 == last.force_m_s2
-        and sample.rate_rad_s == last.rate_rad_s
-    )

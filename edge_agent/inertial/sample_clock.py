@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shared.compiled import compiled
+
 PHASE_GAIN = 0.02
 PERIOD_GAIN = 1e-4
 JITTER_GAIN = 0.01
@@ -68,9 +70,10 @@ def start_clock(stamps_ns: Sequence[int]) -> ClockState:
     return ClockState(period, float(stamps[0]), float(np.mean(np.abs(drawn - np.median(drawn)))))
 
 
+@compiled
 def place(state: ClockState, stamp_ns: int) -> Arrival:
     """Place the next sample, stamped ``stamp_ns``, after what ``state`` has seen."""
-    period, taken, jitter = state
+    period, taken, jitter = state.period_ns, state.taken_ns, state.jitter_ns
     residual = stamp_ns - (taken + period)
     usual = 4.0 * jitter
     if residual < -(0.5 * period + usual):

@@ -26,6 +26,7 @@ from edge_agent.inertial.stride_error import (
 )
 from edge_agent.mounts.intake import Intake, Verdict
 from edge_agent.mounts.interface import Faults, Increment
+from edge_agent.sources.recording import Recording
 from shared.maths.angles import wrap_rad
 from shared.maths.rotations import heading_of, rotate
 from shared.messages import ImuSample
@@ -98,6 +99,10 @@ class BootMount:
             for decided, stance in self._detector.step(sample):
                 self._follow(decided, stance=stance)
         return self._done.popleft() if self._done else None
+
+    def steps(self, samples: Recording) -> list[Increment]:
+        """Take in samples in order; return the movements that they complete."""
+        return [told for sample in samples if (told := self.step(sample)) is not None]
 
     def finish(self) -> list[Increment]:
         """Return the movements that were still being waited for: no more samples will come."""

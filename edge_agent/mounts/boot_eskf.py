@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
 from edge_agent.inertial.boot_state import LOST, STANDING, Stride
-from edge_agent.inertial.boot_tracker import BootTracker, Counts
+from edge_agent.inertial.boot_tracker import BootTracker
 from edge_agent.inertial.eskf_parameters import CAPACITY, EskfParameters
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD, Heading, MagneticHeading
 from edge_agent.inertial.linear_zupt import PathPoint
@@ -23,7 +24,9 @@ from edge_agent.inertial.stride_error import (
     heading_variance,
     lost_covariance,
 )
+from edge_agent.inertial.stride_path import StridePath
 from edge_agent.mounts.interface import Faults, Increment
+from edge_agent.sources.recording import Recording
 from shared.maths.angles import wrap_rad
 from shared.maths.rotations import Vector3, heading_of, rotate
 from shared.messages import ImuSample
@@ -83,24 +86,50 @@ class EskfBootMount:
 
     def step(self, sample: ImuSample) -> Increment | None:
         """Take in the next sample; return the movement that it completes, if it does."""
-        if self._start is None:
-            self._facing_rad = heading_of(self._tracker.stance_nav_from_body)
-        for stride in self._tracker.step(sample):
-            self._follow(stride)
+        self._face()
+        self._follow(self._tracker.step(sample))
         if self._start is None:
             self._ask_compass(sample)
-        if self._tracker.counts is not self._counted:
-            self._count(self._tracker.counts)
         return self._done.popleft() if self._done else None
+
+    def steps(self, samples: Recording) -> list[Increment]:
+        """Take in samples in order; return the movements that they complete."""
+        told: list[Increment] = []
+        samples = samples.in_rows()
+        row = 0
+        while row < len(samples):
+            if self._start is None and samples.field_ut is not None:
+                increment = self.step(samples.sample(row))
+                told += [] if increment is None else [increment]
+                row += 1
+                continue
+            self._face()
+            after, strides = self._tracker.step_rows(samples, row)
+            # Each sample gives one movement at the most: those before the last, what was held.
+            told += [self._done.popleft() for _ in range(min(after - row - 1, len(self._done)))]
+            self._follow(strides)
+            told += [self._done.popleft()] if self._done else []
+            row = after
+        return told
 
     def finish(self) -> list[Increment]:
         """Return the movements that were still being waited for: no more samples will come."""
-        for stride in self._tracker.finish():
-            self._follow(stride)
+        self._follow(self._tracker.finish())
         done, self._done = list(self._done), deque()
         return done
 
-    def _count(self, counts: Counts) -> None:
+    def _face(self) -> None:
+        """Note how the boot faces where it stands, until it sets out."""
+        if self._start is None:
+            self._facing_rad = heading_of(self._tracker.stance_nav_from_body)
+
+    def _follow(self, strides: Sequence[Stride]) -> None:
+        """Tell strides, or keep them; and what was amiss with the samples."""
+        for stride in strides:
+            self._take_stride(stride)
+        counts = self._tracker.counts
+        if counts is self._counted:
+            return
         self._counted = counts
         self.faults.unusable = counts.implausible
         self.faults.out_of_order = counts.repeated + counts.late_mended + counts.late_dropped
@@ -123,7 +152,7 @@ class EskfBootMount:
             return offset
         return Heading(wrap_rad(self._facing_rad + offset.heading_rad), offset.sd_rad)
 
-    def _follow(self, stride: Stride) -> None:
+    def _take_stride(self, stride: Stride) -> None:
         """Tell a stride, or keep what is too little to tell."""
         if self._start is None:
             if stride.kind == STANDING:
@@ -158,17 +187,10 @@ class EskfBootMount:
 
     def _moved(self, stride: Stride) -> Increment:
         c, s = math.cos(self._frame_turn_rad), math.sin(self._frame_turn_rad)
-        north_m, east_m, down_m = self._stood_m
-        path = tuple(
-            PathPoint(
-                time_ns,
-                c * (north_m + north) - s * (east_m + east),
-                s * (north_m + north) + c * (east_m + east),
-                down_m + down,
-            )
-            for time_ns, north, east, down in stride.path
-        )
-        _, north_m, east_m, down_m = path[-1]
+        north, east, down = (np.array(self._stood_m) + stride.path.position_m).T
+        position_m = np.column_stack((c * north - s * east, s * north + c * east, down))
+        north_m, east_m, down_m = position_m[-1].tolist()
+        path = StridePath(stride.path.time_ns, position_m)
         covariance = agent_covariance(stride, self._stood_rad2, self._frame_turn_rad)
         return self._told(stride, (north_m, east_m, down_m), covariance, path)
 
@@ -177,7 +199,7 @@ class EskfBootMount:
         stride: Stride,
         displacement_m: Vector3,
         covariance: Covariance4,
-        path: tuple[PathPoint, ...],
+        path: Sequence[PathPoint],
     ) -> Increment:
         before_rad = self._heading_rad
         self._heading_rad = wrap_rad(stride.heading_rad + self._agent_from_tracker_rad)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.inertial.stride_error import Covariance4
+from edge_agent.sources.recording import Recording
 from shared.maths.rotations import Vector3
 from shared.messages import ImuSample
 
@@ -27,7 +29,7 @@ class Increment(NamedTuple):
     d_heading_rad: float
     heading_rad: float
     covariance: Covariance4
-    path: tuple[PathPoint, ...]
+    path: Sequence[PathPoint]
 
 
 @dataclass
@@ -62,6 +64,12 @@ class Mount(Protocol):
 
         Never raises: a sample that is not finite, or not later than the last, is counted in
         ``faults`` and passed over.
+        """
+
+    def steps(self, samples: Recording) -> list[Increment]:
+        """Take in samples in order; return what :meth:`step` returns for each, in that order.
+
+        The mount is left as by single steps, to the bit.
         """
 
     def finish(self) -> list[Increment]:

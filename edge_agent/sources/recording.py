@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,23 @@ class Recording:
             strict=True,
         )
         return (ImuSample(*reading) for reading in readings)
+
+    def rows(self, rows: slice | NDArray[np.intp]) -> Recording:
+        """Return the recording of these rows alone."""
+        return self._by_column(lambda column: column[rows])
+
+    def in_rows(self) -> Recording:
+        """Return the recording with the readings of each sample side by side in memory."""
+        return self._by_column(np.ascontiguousarray)
+
+    def _by_column(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Recording:
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        changed = {name: change(old) for name, old in columns.items() if old is not None}
+        return replace(self, **changed)
+
+    def sample(self, row: int) -> ImuSample:
+        """Return the sample at ``row``, counted from 0."""
+        return next(iter(self.rows(slice(row, row + 1))))
 
     def _fields(self) -> Iterable[Vector3 | None]:
         """Return the field at each sample that has one."""

@@ -271,7 +271,7 @@ def test_a_copy_made_midway_goes_on_alike() -> None:
 
 
 COUNT_COMPILED = """
-from edge_agent.inertial.boot_strides import compile_kernels, step
+from edge_agent.inertial.sample_intake import compile_kernels, take as step
 compile_kernels()
 print(sum(step.stats.cache_hits.values()), sum(step.stats.cache_misses.values()))
 """

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from shared import compiled as module
-from shared.compiled import compiled
+from shared.compiled import compiled, direct
 
 
 def doubled(number: float) -> float:
@@ -43,3 +43,12 @@ def test_machine_code_older_than_any_kernel_is_forgotten(monkeypatch: pytest.Mon
     monkeypatch.setattr(module, "_sources_changed_ns", lambda _: later_ns)
     compiled(doubled)
     assert not index.exists()
+
+
+def test_machine_code_called_directly_is_the_kernel() -> None:
+    kernel = compiled(doubled)
+    with pytest.raises(ValueError, match="not enough values"):
+        direct(kernel)
+    kernel(4.0)
+    assert direct(kernel)(4.5) == 9.0
+    assert direct(kernel)(4) == 8.0
