@@ -1,48 +1,58 @@
-"""How near 'near' is: proximity events of simulated exercises against the truth (pure)."""
+"""How near 'near' is: what a DAP tells of people who pass, against the truth (pure)."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator
-from typing import NamedTuple, TypeAlias
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dap_node.peak_score import PeakTrial, try_peaks
 from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
 from dap_node.scanners.observation import Observation, Scan
 from dap_node.scanners.simulated import SimulatedScanner
+from dap_node.settings import DapSettings
+from dap_node.true_range import TrueRange
 from shared.messages import NodeId
+from shared.rssi_peaks import PeakDetector
 from shared.simulation.installation import installation_truth
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 from shared.units import NS_PER_S
 
 Array: TypeAlias = NDArray[np.float64]
+Told_co = TypeVar("Told_co", covariant=True)
+Told = TypeVar("Told")
 
-PASS_M = 1.5
-"""Who comes within this passes the DAP."""
 
-PASS_MARGIN_S = 1.0
-"""An event so long before or after a pass still belongs to it."""
+class Detector(Protocol[Told_co]):
+    """What both detectors can do."""
+
+    def add(self, time_ns: int, station_id: NodeId, rssi_dbm: float, /) -> None:
+        """Keep a reading."""
+
+    def tick(self, now_ns: int, /) -> Sequence[Told_co]:
+        """Return what there is to tell."""
 
 
 class LinkTrial(NamedTuple):
-    """One DAP and one responder in one exercise.
+    """One DAP and one responder, from the DAP's installation on.
 
-    Distances (m) from the floor underfoot to the DAP, at the times that events tell: ``entered_m``
-    of those that begin a stay, ``near_m`` of those that go on with one. ``passes`` is how often
-    the responder passed the DAP, ``noticed`` how many of these times there was an event.
+    Ranges (m) at the times that events tell: ``entered_m`` of those that begin a stay, ``near_m``
+    of those that go on with one. ``passes`` is how often the responder passed the DAP,
+    ``noticed`` how many of these times there was an event.
     """
 
     entered_m: Array
     near_m: Array
     passes: int
     noticed: int
+    peaks: PeakTrial
 
 
 class ProximityScore(NamedTuple):
-    """Trials together: distances (m) of entering, and of all events; NaN if there were none."""
+    """Trials together: ranges (m) at entering, and at all events; NaN if there were none."""
 
     stays: int
     events: int
@@ -57,47 +67,88 @@ class ProximityScore(NamedTuple):
     noticed: int
 
 
-def detect(observations: Iterable[Observation], settings: ProximitySettings) -> Iterator[Proximity]:
-    """Yield what a detector tells of ``observations``."""
+def try_dap(
+    scenario: Scenario, dap_id: NodeId, seed: int, settings: DapSettings, pass_m: float
+) -> list[LinkTrial]:
+    """Return how a DAP did with each responder in the exercise of ``seed``.
+
+    The range is from the floor underfoot to the DAP. Who comes within ``pass_m`` passes it.
+    """
+    observations = list(SimulatedScanner(scenario, dap_id, seed).observations(0))
+    installed_s, dap_m, _ = installation_truth(scenario, dap_id, seed)
+    ranges = {}
+    for responder_id in scenario.responders:
+        body = simulate_walk(scenario, responder_id, seed).body
+        stands = body.time_s >= installed_s
+        range_m = np.linalg.norm(body.position_m[stands] - dap_m, axis=1)
+        ranges[responder_id] = TrueRange(body.time_s[stands], range_m)
+    return try_links(observations, ranges, settings, pass_m)
+
+
+def try_links(
+    observations: Sequence[Observation],
+    ranges: Mapping[NodeId, TrueRange],
+    settings: DapSettings,
+    pass_m: float,
+) -> list[LinkTrial]:
+    """Return how a DAP did with each of the responders whose true ``ranges`` are known.
+
+    ``observations`` are in nanoseconds of the clock that ``ranges`` go by.
+    """
+    events = list(detect(observations, settings.proximity, settings.offset_db))
+    peaks = PeakDetector(settings.peaks)
+    told = [
+        (observation.time_ns, peak)
+        for observation in observations
+        if isinstance(observation, Scan)
+        for peak in _hear(peaks, observation, settings.offset_db)
+    ]
+    return [
+        _trial(
+            [event for event in events if event.responder_id == responder_id],
+            true_range,
+            pass_m,
+            try_peaks(
+                [(now_ns, peak) for now_ns, peak in told if peak.station_id == responder_id],
+                true_range,
+                pass_m,
+            ),
+        )
+        for responder_id, true_range in ranges.items()
+    ]
+
+
+def _trial(
+    events: list[Proximity], true_range: TrueRange, pass_m: float, peaks: PeakTrial
+) -> LinkTrial:
+    time_s = {
+        phase: np.array([event.time_ns / NS_PER_S for event in events if event.phase == phase])
+        for phase in ("entered", "near")
+    }
+    passes = true_range.passes(pass_m)
+    event_s = np.concatenate(list(time_s.values()))
+    return LinkTrial(
+        true_range.at(time_s["entered"]),
+        true_range.at(time_s["near"]),
+        len(passes),
+        sum(bool(one.holds(event_s).any()) for one in passes),
+        peaks,
+    )
+
+
+def detect(
+    observations: Iterable[Observation], settings: ProximitySettings, offset_db: float = 0.0
+) -> Iterator[Proximity]:
+    """Yield what a detector tells of ``observations``, ``offset_db`` added to each reading."""
     detector = ProximityDetector(settings)
     for observation in observations:
         if isinstance(observation, Scan):
-            for responder_id, rssi_dbm in observation.rssi_dbm.items():
-                detector.add(observation.time_ns, responder_id, rssi_dbm)
-            yield from detector.tick(observation.time_ns)
-
-
-def try_dap(
-    scenario: Scenario, dap_id: NodeId, seed: int, settings: ProximitySettings
-) -> Iterator[LinkTrial]:
-    """Yield how a DAP did with each responder in the exercise of ``seed``."""
-    told: dict[NodeId, list[Proximity]] = defaultdict(list)
-    for proximity in detect(SimulatedScanner(scenario, dap_id, seed).observations(0), settings):
-        told[proximity.responder_id].append(proximity)
-    installed_s, dap_m, _ = installation_truth(scenario, dap_id, seed)
-    for responder_id in scenario.responders:
-        body = simulate_walk(scenario, responder_id, seed).body
-        distance_m = np.linalg.norm(body.position_m - dap_m, axis=1)
-        time_s = {
-            phase: np.array(
-                [event.time_ns / NS_PER_S for event in told[responder_id] if event.phase == phase]
-            )
-            for phase in ("entered", "near")
-        }
-        stands = body.time_s >= installed_s
-        passes = _passes(body.time_s[stands], distance_m[stands])
-        event_s = np.concatenate(list(time_s.values()))
-        yield LinkTrial(
-            np.interp(time_s["entered"], body.time_s, distance_m),
-            np.interp(time_s["near"], body.time_s, distance_m),
-            len(passes),
-            sum(_is_noticed(begin_s, end_s, event_s) for begin_s, end_s in passes),
-        )
+            yield from _hear(detector, observation, offset_db)
 
 
 def score(trials: Iterable[LinkTrial]) -> ProximityScore:
-    """Sum up ``trials`` (n ≥ 1)."""
-    entered, near, passes, noticed = zip(*trials, strict=True)
+    """Sum up the events of ``trials`` (n ≥ 1)."""
+    entered, near, passes, noticed, _ = zip(*trials, strict=True)
     entered_m = np.concatenate(entered)
     all_m = np.concatenate([entered_m, *near])
     some_entered_m, some_m = (
@@ -120,13 +171,7 @@ def score(trials: Iterable[LinkTrial]) -> ProximityScore:
     )
 
 
-def _passes(time_s: Array, distance_m: Array) -> list[tuple[float, float]]:
-    """Return when each pass began and ended (s)."""
-    close = np.concatenate([[False], distance_m < PASS_M, [False]])
-    begins, ends = np.flatnonzero(close[1:] & ~close[:-1]), np.flatnonzero(close[:-1] & ~close[1:])
-    return [(time_s[begin], time_s[end - 1]) for begin, end in zip(begins, ends, strict=True)]
-
-
-def _is_noticed(begin_s: float, end_s: float, event_s: Array) -> bool:
-    in_time = (event_s >= begin_s - PASS_MARGIN_S) & (event_s <= end_s + PASS_MARGIN_S)
-    return bool(in_time.any())
+def _hear(detector: Detector[Told], scan: Scan, offset_db: float) -> Sequence[Told]:
+    for responder_id, rssi_dbm in scan.rssi_dbm.items():
+        detector.add(scan.time_ns, responder_id, rssi_dbm + offset_db)
+    return detector.tick(scan.time_ns)

@@ -11,8 +11,9 @@ from collections import Counter
 import structlog
 
 from dap_node.installation import Installation, Stage, Standing
-from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
+from dap_node.proximity import Proximity, ProximityDetector
 from dap_node.scanners.observation import Observation, Scan, SetDown
+from dap_node.settings import DapSettings
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.codec import Refusal, decode, parse_key
@@ -21,10 +22,12 @@ from shared.messages import (
     DapInstallation,
     NodeId,
     ProximityEvent,
+    RssiPeak,
     RssiReport,
     Truth,
     Vector3,
 )
+from shared.rssi_peaks import Peak, PeakDetector
 from shared.sender import Sender
 from shared.topics import Key, alive_key
 from shared.units import NS_PER_S
@@ -46,12 +49,15 @@ class DapNode:
         bus: Bus,
         incident: NodeId,
         dap_id: NodeId,
-        proximity: ProximitySettings | None = None,
+        settings: DapSettings | None = None,
     ) -> None:
+        settings = settings or DapSettings()
         self.refusals: Counter[str] = Counter()
         self._sender = Sender(bus, incident, "dap", dap_id)
         self._standing = Standing(dap_id)
-        self._detector = ProximityDetector(proximity or ProximitySettings())
+        self._offset_db = settings.offset_db
+        self._proximity = ProximityDetector(settings.proximity)
+        self._peaks = PeakDetector(settings.peaks)
         self._place_payload: bytes | None = None
         self._truth_m: Vector3 | None = None
         self._truth_due_ns = 0
@@ -84,7 +90,9 @@ class DapNode:
 
     def _scan(self, scan: Scan) -> None:
         for responder_id, rssi_dbm in scan.rssi_dbm.items():
-            self._detector.add(scan.time_ns, responder_id, rssi_dbm)
+            calibrated_dbm = rssi_dbm + self._offset_db
+            self._proximity.add(scan.time_ns, responder_id, calibrated_dbm)
+            self._peaks.add(scan.time_ns, responder_id, calibrated_dbm)
             self._sender.send(
                 RssiReport(
                     event_time_ns=scan.time_ns,
@@ -93,8 +101,10 @@ class DapNode:
                     rssi_dbm=rssi_dbm,
                 )
             )
-        for proximity in self._detector.tick(scan.time_ns):
+        for proximity in self._proximity.tick(scan.time_ns):
             self._say_near(proximity)
+        for peak in self._peaks.tick(scan.time_ns):
+            self._say_peak(peak)
 
     def _heed_posts(self) -> None:
         for received in self._inbox.get_all():
@@ -137,6 +147,18 @@ class DapNode:
                 rssi_mean_dbm=heard.mean_dbm,
                 rssi_variance_db2=heard.variance_db2,
                 sample_count=heard.sample_count,
+            )
+        )
+
+    def _say_peak(self, peak: Peak) -> None:
+        self._sender.send(
+            RssiPeak(
+                event_time_ns=peak.time_ns,
+                sequence=self._sender.next_sequence(RssiPeak),
+                responder_id=peak.station_id,
+                peak_dbm=peak.peak_dbm,
+                width_s=peak.width_s,
+                sample_count=peak.sample_count,
             )
         )
 

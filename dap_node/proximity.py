@@ -11,15 +11,14 @@ Samples may be lost, late or repeated. They are only kept as they come; every de
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from math import fsum
 from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 import msgspec
 from msgspec import Meta
 
 from shared.messages import NodeId
+from shared.rssi_window import Readings, Summary, sum_up
 from shared.units import NS_PER_S
 
 Dbm: TypeAlias = Annotated[float, Meta(ge=-200.0, le=100.0)]
@@ -57,15 +56,6 @@ class ProximitySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True,
             raise ValueError("silence_s: put it at or above window_s")
 
 
-class Summary(NamedTuple):
-    """A window summed up: mean time, mean and population variance of RSSI, number of samples."""
-
-    time_ns: int
-    mean_dbm: float
-    variance_db2: float
-    sample_count: int
-
-
 class Proximity(NamedTuple):
     """Something to tell: a responder has come near, is still near, or has left.
 
@@ -87,14 +77,6 @@ class _Stay:
     entered_ns: int
     told_ns: int
     heard: Summary
-
-
-def sum_up(rssi_dbm: Mapping[int, float]) -> Summary:
-    """Sum up samples (n ≥ 1) that are given by their times (ns)."""
-    count = len(rssi_dbm)
-    mean_dbm = fsum(rssi_dbm.values()) / count
-    variance_db2 = fsum((value - mean_dbm) ** 2 for value in rssi_dbm.values()) / count
-    return Summary(sum(rssi_dbm) // count, mean_dbm, variance_db2, count)
 
 
 class ProximityDetector:
@@ -126,18 +108,18 @@ class _Station:
     def __init__(self, responder_id: NodeId, settings: ProximitySettings) -> None:
         self._responder_id = responder_id
         self._settings = settings
-        self._rssi_dbm: dict[int, float] = {}
+        self._readings = Readings()
         self._last_heard_ns = 0
         self._stay: _Stay | None = None
 
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to remember."""
-        return not self._rssi_dbm and self._stay is None
+        return not self._readings and self._stay is None
 
     def add(self, time_ns: int, rssi_dbm: float) -> None:
         """Keep a sample; of several at one time the strongest."""
-        self._rssi_dbm[time_ns] = max(rssi_dbm, self._rssi_dbm.get(time_ns, rssi_dbm))
+        self._readings.add(time_ns, rssi_dbm)
 
     def tick(self, now_ns: int) -> Proximity | None:
         """Return what there is to tell."""
@@ -174,8 +156,8 @@ class _Station:
         Samples are forgotten once they are too old, and wait while they are from the future.
         """
         since_ns = now_ns - _ns(self._settings.window_s)
-        self._rssi_dbm = {time: dbm for time, dbm in self._rssi_dbm.items() if time > since_ns}
-        due = {time: dbm for time, dbm in self._rssi_dbm.items() if time <= now_ns}
+        self._readings.forget_until(since_ns)
+        due = self._readings.between(since_ns, now_ns)
         if due:
             self._last_heard_ns = max(due)
         return sum_up(due) if len(due) >= self._settings.least_samples else None

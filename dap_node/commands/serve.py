@@ -13,9 +13,9 @@ from rich.console import Console
 from rich.progress import track
 
 from dap_node.node import DapNode
-from dap_node.proximity import ProximitySettings
 from dap_node.scanners.observation import Observation
 from dap_node.scanners.simulated import SimulatedScanner
+from dap_node.settings import DapSettings
 from shared.bus.interface import Bus
 from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import open_zenoh
@@ -48,7 +48,7 @@ def run(
     incident: str = "incident",
     connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
     listen: str = DEFAULT_LISTEN,
-    proximity: Path | None = None,
+    config: Path | None = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0))] = 1.0,
     await_start: bool = False,
@@ -71,8 +71,8 @@ def run(
         Posts and DAPs to dial, one an option; the links to all are kept up.
     listen
         Where agents and other DAPs find this one; loopback only, for links are not encrypted yet.
-    proximity
-        TOML file with the thresholds of nearness for another radio than the usual.
+    config
+        TOML file with offset_db, [proximity] and [peaks] for another radio than the usual.
     seed
         Of a simulated scan.
     speed
@@ -89,7 +89,7 @@ def run(
         try:
             check_id(incident, "--incident")
             check_id(dap_id, "--id")
-            settings = load_toml(proximity, ProximitySettings) if proximity else ProximitySettings()
+            settings = load_toml(config, DapSettings) if config else DapSettings()
             scanner = open_scanner(scan, dap_id, seed)
             bus = open_zenoh("router", connect, [listen])
         except ValueError as error:

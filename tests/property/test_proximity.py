@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings, sum_up
+from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
+from shared.rssi_window import sum_up
 
 PERIOD_NS = 200_000_000
 TICKS = 60

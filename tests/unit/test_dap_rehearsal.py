@@ -14,8 +14,11 @@ from structlog.testing import capture_logs
 from dap_node.__main__ import app
 from dap_node.commands.serve import rehearse_dap
 from dap_node.evaluation import LinkTrial, detect, score, try_dap
+from dap_node.peak_score import PeakTrial, score_peaks
 from dap_node.proximity import ProximitySettings
 from dap_node.scanners.simulated import SimulatedScanner
+from dap_node.settings import DapSettings
+from dap_node.true_range import PASS_M
 from shared.bus.wire_log import read_wire_log
 from shared.codec import Refusal, decode, parse_key
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
@@ -24,6 +27,8 @@ from shared.process import ExitCode
 from shared.simulation.scenario import Scenario, load_scenario
 
 SEED = 5
+NONE = np.array([])
+NO_PEAKS = PeakTrial(NONE, NONE, NONE, 1, 0, 0, NONE)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +57,7 @@ def test_the_log_is_all_that_it_says_in_the_order_of_time(
         if isinstance(message, ProximityEvent):
             told.append((message.event_time_ns, message.responder_id, message.phase))
     assert topics["installation"] == 1
-    assert set(topics) == {"installation", "truth", "rssi", "proximity"}
+    assert set(topics) == {"installation", "truth", "rssi", "proximity", "peak"}
     observations = SimulatedScanner(scenario, "dap2", SEED).observations(REHEARSAL_START_NS)
     assert told == [event[:3] for event in detect(observations, ProximitySettings())]
 
@@ -91,15 +96,15 @@ def test_mistakes_on_the_command_line_are_told(arguments: list[str], complaint: 
 
 
 def test_thresholds_come_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "proximity.toml"
-    file.write_text("enter_dbm = -20.0\nleave_dbm = -25.0\n")
-    command = ["evaluate", "stairwell", "--seeds", "0", "--proximity", str(file)]
+    file = tmp_path / "dap.toml"
+    file.write_text("[proximity]\nenter_dbm = -20.0\nleave_dbm = -25.0\n")
+    command = ["evaluate", "stairwell", "--seeds", "0", "--config", str(file)]
     assert app(command, exit_on_error=False, result_action="return_value") == ExitCode.OK
     rows = [line.split("│") for line in capsys.readouterr().out.splitlines() if "│" in line]
     told = {row[1].strip(): row[2].strip() for row in rows}
     assert told["events told"] == "0"
     assert int(told["passes within 1.5 m"]) > 0
-    file.write_text("enter_db = -20.0")
+    file.write_text("[proximity]\nenter_db = -20.0")
     with capture_logs() as logs:
         code = app(command, exit_on_error=False, result_action="return_value")
     assert code == ExitCode.USAGE
@@ -112,7 +117,7 @@ def test_near_means_within_some_metres(scenario: Scenario) -> None:
         trial
         for seed in range(2)
         for dap_id in scenario.daps
-        for trial in try_dap(scenario, dap_id, seed, ProximitySettings())
+        for trial in try_dap(scenario, dap_id, seed, DapSettings(), PASS_M)
     ]
     told = score(trials)
     assert told.events > 100
@@ -122,12 +127,28 @@ def test_near_means_within_some_metres(scenario: Scenario) -> None:
     assert told.noticed > 0.7 * told.passes
 
 
+def test_peaks_place_a_pass_closer_than_nearness_does(scenario: Scenario) -> None:
+    trials = [
+        trial.peaks
+        for seed in range(2)
+        for dap_id in scenario.daps
+        for trial in try_dap(scenario, dap_id, seed, DapSettings(), PASS_M)
+    ]
+    told = score_peaks(trials)
+    assert told.noticed >= 0.95 * told.passes
+    assert told.in_passes <= 1.2 * told.noticed
+    assert told.off_abs_p95_s < 1.0
+    assert told.strong_false <= 0.05 * told.strong
+    sigma_m = {one.from_dbm: one.sigma_m for one in told.bins}
+    assert sigma_m[-44] < sigma_m[-48] < 1.0
+
+
 def test_scores_add_up() -> None:
     told = score(
         [
-            LinkTrial(np.array([1.0]), np.array([2.0, 3.0]), 2, 1),
-            LinkTrial(np.array([]), np.array([]), 1, 0),
-            LinkTrial(np.array([3.0]), np.array([6.0]), 1, 1),
+            LinkTrial(np.array([1.0]), np.array([2.0, 3.0]), 2, 1, NO_PEAKS),
+            LinkTrial(np.array([]), np.array([]), 1, 0, NO_PEAKS),
+            LinkTrial(np.array([3.0]), np.array([6.0]), 1, 1, NO_PEAKS),
         ]
     )
     assert (told.stays, told.events, told.passes, told.noticed) == (2, 5, 4, 2)
@@ -136,6 +157,6 @@ def test_scores_add_up() -> None:
 
 
 def test_without_an_event_there_is_no_distance() -> None:
-    told = score([LinkTrial(np.array([]), np.array([]), 1, 0)])
+    told = score([LinkTrial(np.array([]), np.array([]), 1, 0, NO_PEAKS)])
     assert (told.events, told.passes) == (0, 1)
     assert np.isnan(told.p50_m)

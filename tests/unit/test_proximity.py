@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings, sum_up
+from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
 from shared.config import ConfigError, parse_toml
+from shared.rssi_window import sum_up
 from shared.units import NS_PER_S
 
 PERIOD_S = 0.2
