@@ -28,8 +28,10 @@ class Ended(NamedTuple):
 class Children:
     """Processes of our own programs, stopped in the reverse of the order they were started."""
 
-    def __init__(self, log_directory: Path) -> None:
+    def __init__(self, log_directory: Path, grace_s: float = STOP_GRACE_S) -> None:
+        """``grace_s``: how long a child that is asked to stop may take before it is killed."""
         self._log_directory = log_directory
+        self._grace_s = grace_s
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(
@@ -40,7 +42,7 @@ class Children:
         A child that ``shows`` something keeps the launcher's standard output.
         """
         self._log_directory.mkdir(parents=True, exist_ok=True)
-        with (self._log_directory / f"{name}.log").open("wb") as log:
+        with self.log(name).open("wb") as log:
             self._processes[name] = subprocess.Popen(  # noqa: S603
                 [sys.executable, "-m", module, *arguments],
                 stdin=subprocess.PIPE,
@@ -65,6 +67,14 @@ class Children:
             if process.poll() not in (None, 0)
         ]
 
+    def wait(self, name: str) -> int:
+        """Wait until a child ends by itself; return its exit code."""
+        return self._processes[name].wait()
+
+    def log(self, name: str) -> Path:
+        """Where a child's log is."""
+        return self._log_directory / f"{name}.log"
+
     def stop(self, names: Sequence[str] | None = None) -> None:
         """Ask children to stop (all, the last started first), wait, and kill who does not."""
         chosen = list(reversed(self._processes)) if names is None else list(names)
@@ -72,7 +82,7 @@ class Children:
         for process in stopping:
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
-        deadline = time.monotonic() + STOP_GRACE_S
+        deadline = time.monotonic() + self._grace_s
         for process in stopping:
             try:
                 process.wait(max(0.0, deadline - time.monotonic()))

@@ -99,7 +99,7 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
                 return False
             # The post first: its last look at the roster is to find everybody there.
             children.stop([POST_ID])
-            _check(settings, children, [POST_ID])
+            _check(children, [POST_ID])
     return True
 
 
@@ -108,7 +108,7 @@ def _prepare(
 ) -> bool:
     """Build the agents' machine code once, that they may not all do it at the same time."""
     method = () if settings.method is None else ("--method", settings.method)
-    children.start(PREPARATION, "edge_agent", ("prepare", *method))
+    children.start(PREPARATION, "edge_agent", ("prepare", "--with-parent", *method))
     if stop.wait(PREPARED_SOON_S):
         return False
     if PREPARATION in children.running():
@@ -116,7 +116,7 @@ def _prepare(
     while PREPARATION in children.running():
         if stop.wait(POLL_S):
             return False
-    _check(settings, children, [PREPARATION])
+    _check(children, [PREPARATION])
     return True
 
 
@@ -178,7 +178,7 @@ def _wait_until_alive(settings: DemoSettings, bus: Bus, children: Children, stop
     clock = SystemClock()
     deadline_ns = clock.now_ns() + round(READY_TIMEOUT_S * 1e9)
     while not expected <= alive:
-        _check(settings, children, children.names())
+        _check(children, children.names())
         if clock.real_seconds_until(deadline_ns) < 0.0:
             missing = ", ".join(sorted(expected - alive))
             raise DemoError(f"not alive after {READY_TIMEOUT_S:g} s: {missing}")
@@ -200,7 +200,7 @@ def _wait_until_finished(
         bus.watch_alive(finished_key(INCIDENT, one), lambda key, _: finished.add(key))
     told: set[str] = set()
     while True:
-        _check(settings, children, [POST_ID])
+        _check(children, [POST_ID])
         for name, exit_code in children.failed():
             if name not in told:
                 told.add(name)
@@ -227,8 +227,9 @@ def _give_the_start(settings: DemoSettings, bus: Bus) -> ExerciseStart:
     return start
 
 
-def _check(settings: DemoSettings, children: Children, needed: Collection[str]) -> None:
+def _check(children: Children, needed: Collection[str]) -> None:
     for name, exit_code in children.failed():
         if name in needed:
-            log = settings.directory / "logs" / f"{name}.log"
-            raise DemoError(f"{name} ended with exit code {exit_code}; its log: {log}")
+            raise DemoError(
+                f"{name} ended with exit code {exit_code}; its log: {children.log(name)}"
+            )

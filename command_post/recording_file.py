@@ -131,6 +131,11 @@ class RecordingFile:
         with suppress(OSError):
             self._stream.close()
 
+    def discard(self) -> None:
+        """Leave nothing of the file."""
+        self.abandon()
+        self._part.unlink(missing_ok=True)
+
     def _has_place(self, channel: _Channel) -> bool:
         return channel in self._channels or len(self._channels) < MAX_CHANNELS
 

@@ -8,18 +8,20 @@ network and no clock takes part, so the same seed gives the same recording to th
 from __future__ import annotations
 
 import heapq
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from command_post.children import Children
 from command_post.evidence import Evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident
 from command_post.recording_file import RecordingFile
 from shared.bus.wire_log import WireFrame, read_wire_log
+
+STOP_GRACE_S = 1.0
+"""What a node's program in rehearsal was about to write is of no use to anybody."""
 
 
 class RehearsalError(RuntimeError):
@@ -51,13 +53,12 @@ def rehearse_nodes(
     """
     seeds = f"{first_seed}-{first_seed + count - 1}"
     for module, options in (("edge_agent", agents.options()), ("dap_node", ())):
-        ended = subprocess.run(  # noqa: S603
-            [sys.executable, "-m", module, "rehearse", scenario_name,
-             "--seeds", seeds, "--output", str(directory), *options],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if ended.returncode != 0:
-            raise RehearsalError(f"{module} rehearse failed: {ended.stderr.strip()}")
+        arguments = ("rehearse", scenario_name, "--seeds", seeds, "--output", str(directory))
+        with Children(directory, STOP_GRACE_S) as children:
+            children.start(module, module, (*arguments, "--with-parent", *options))
+            if children.wait(module) != 0:
+                said = children.log(module).read_text(errors="replace").strip()
+                raise RehearsalError(f"{module} rehearse failed: {said}")
 
 
 def merged_wire_logs(directory: Path) -> Iterator[WireFrame]:
@@ -82,12 +83,16 @@ def rehearse(
     with tempfile.TemporaryDirectory(prefix="clew-rehearsal-") as folder:
         rehearse_nodes(scenario_name, seed, 1, Path(folder), agents)
         file = RecordingFile(path, settings.as_metadata(), replace=replace)
-        incident = RecordedIncident(Incident(settings), file)
-        now_ns = 0
-        for now_ns, key, payload in merged_wire_logs(Path(folder) / str(seed)):
-            incident.handle(key, payload, now_ns)
-        incident.finish(now_ns)
-        file.finish()
+        try:
+            incident = RecordedIncident(Incident(settings), file)
+            now_ns = 0
+            for now_ns, key, payload in merged_wire_logs(Path(folder) / str(seed)):
+                incident.handle(key, payload, now_ns)
+            incident.finish(now_ns)
+            file.finish()
+        except BaseException:
+            file.discard()
+            raise
 
 
 def evidence_of(directory: Path, settings: IncidentSettings) -> Evidence:

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from types import FrameType
@@ -23,6 +23,9 @@ LogLevel: TypeAlias = Literal["debug", "info", "warning", "error"]
 
 IMPATIENCE_S = 0.5
 """A signal that follows another within this is the same one, sent to process and group."""
+
+AGAIN_S = 0.02
+"""When an interruption that was lost is tried again."""
 
 LONGEST_WAIT_S = 0.5
 """So that a clock that is set meanwhile is noticed, and Ctrl-C where a wait cannot be broken."""
@@ -117,6 +120,38 @@ def stop_on_signals() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
+def interrupt_on_signals() -> None:
+    """Have SIGINT and SIGTERM raise ``KeyboardInterrupt`` in the main thread, from now on.
+
+    For work without a loop that could heed ``stop_on_signals``: what it holds is given back on the
+    way out. A second signal ends the program on the spot with ``ExitCode.INTERRUPTED``.
+    """
+    asked_s: float | None = None
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        nonlocal asked_s
+        if asked_s is None:
+            asked_s = time.monotonic()
+            raise KeyboardInterrupt
+        if time.monotonic() - asked_s > IMPATIENCE_S:
+            os._exit(ExitCode.INTERRUPTED)
+
+    def interrupt_again(ignored: sys.UnraisableHookArgs) -> None:
+        nonlocal asked_s
+        if ignored.exc_type is not KeyboardInterrupt:
+            sys.__unraisablehook__(ignored)
+            return
+        # It was raised where C calls back, as a compiler does, and was lost there.
+        asked_s = None
+        again = threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGTERM))
+        again.daemon = True
+        again.start()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, interrupt)
+    sys.unraisablehook = interrupt_again
+
+
 def stop_with_parent(stop: threading.Event, pipe: int = 0) -> None:
     """Set ``stop`` once the other end of ``pipe`` (standard input) is closed.
 
@@ -124,12 +159,20 @@ def stop_with_parent(stop: threading.Event, pipe: int = 0) -> None:
     takes the child along even when it is killed itself. Call this in such children only: with
     standard input from a file or from /dev/null the end comes at once.
     """
+    _at_the_end_of(pipe, stop.set)
 
+
+def end_with_parent(pipe: int = 0) -> None:
+    """Send this process SIGTERM once the other end of ``pipe`` is closed (``stop_with_parent``)."""
+    _at_the_end_of(pipe, lambda: os.kill(os.getpid(), signal.SIGTERM))
+
+
+def _at_the_end_of(pipe: int, act: Callable[[], None]) -> None:
     def wait_for_the_end() -> None:
         # os.read, for a thread blocked inside sys.stdin would hold its lock at exit.
         while os.read(pipe, 4096):
             pass
-        stop.set()
+        act()
 
     threading.Thread(target=wait_for_the_end, name="stop-with-parent", daemon=True).start()
 

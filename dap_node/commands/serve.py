@@ -26,6 +26,7 @@ from shared.messages import NodeId
 from shared.process import (
     ExitCode,
     configure_logging,
+    end_with_parent,
     stop_on_signals,
     stop_with_parent,
     wait_until,
@@ -112,7 +113,13 @@ def run(
     return ExitCode.OK
 
 
-def rehearse(scenario: str, *, seeds: str = "1", output: Path) -> int:
+def rehearse(
+    scenario: str,
+    *,
+    seeds: str = "1",
+    output: Path,
+    with_parent: Annotated[bool, Parameter(show=False)] = False,
+) -> int:
     """Let all DAPs of a scenario hear it offline, and write what they would have published.
 
     Leaves a wire log for each DAP, OUTPUT/SEED/DAP.wire. Example: dap-node rehearse four_daps
@@ -126,8 +133,12 @@ def rehearse(scenario: str, *, seeds: str = "1", output: Path) -> int:
         One seed, or the first and the last: 0-9.
     output
         Folder for the logs.
+    with_parent
+        End when standard input closes.
 
     """
+    if with_parent:
+        end_with_parent()
     try:
         loaded = load_scenario(scenario)
         jobs = [(seed, dap_id) for seed in seeds_in(seeds) for dap_id in loaded.daps]

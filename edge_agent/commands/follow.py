@@ -24,7 +24,13 @@ from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
 from shared.config import ConfigError, checked
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
 from shared.messages import LocalPosition, NodeId, TrackStart
-from shared.process import ExitCode, stop_on_signals, stop_with_parent, wait_until
+from shared.process import (
+    ExitCode,
+    end_with_parent,
+    stop_on_signals,
+    stop_with_parent,
+    wait_until,
+)
 from shared.sender import Sender
 from shared.simulation.scenario import load_scenario
 from shared.topics import alive_key, check_id, finished_key
@@ -117,6 +123,7 @@ def rehearse(
     method: MethodName = DEFAULT_METHOD,
     output: Path,
     imu: bool = True,
+    with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
     """Follow all responders of a scenario offline, and write what they would have published.
 
@@ -135,8 +142,12 @@ def rehearse(
         Folder for the logs.
     imu
         Publish the raw samples as well, for the record.
+    with_parent
+        End when standard input closes.
 
     """
+    if with_parent:
+        end_with_parent()
     try:
         responders = load_scenario(scenario).responders
         jobs = [(seed, one) for seed in seeds_in(seeds) for one in responders]

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from cyclopts import Parameter
+
 from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
-from shared.process import ExitCode
+from shared.process import ExitCode, end_with_parent
 
 
-def prepare(*, method: MethodName = DEFAULT_METHOD) -> int:
+def prepare(
+    *,
+    method: MethodName = DEFAULT_METHOD,
+    with_parent: Annotated[bool, Parameter(show=False)] = False,
+) -> int:
     """Build the machine code of a boot method, once for all agents on this machine.
 
     Takes some twenty seconds after an installation, and one second from then on; an agent that
@@ -16,7 +24,11 @@ def prepare(*, method: MethodName = DEFAULT_METHOD) -> int:
     ----------
     method
         How the boot's sensor is read.
+    with_parent
+        End when standard input closes.
 
     """
+    if with_parent:
+        end_with_parent()
     make_mount("boot", method)
     return ExitCode.OK

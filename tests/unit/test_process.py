@@ -35,6 +35,32 @@ with stop_on_signals():
     threading.Event().wait()
 """
 
+UNHEEDING = """
+import threading
+from shared.process import interrupt_on_signals
+interrupt_on_signals()
+try:
+    print("ready", flush=True)
+    threading.Event().wait()
+finally:
+    print("given back", flush=True)
+"""
+
+IN_A_CALLBACK = """
+import ctypes, os, signal, threading
+from shared.process import interrupt_on_signals
+interrupt_on_signals()
+@ctypes.CFUNCTYPE(None)
+def call_back():
+    os.kill(os.getpid(), signal.SIGTERM)
+try:
+    print("ready", flush=True)
+    call_back()
+    threading.Event().wait()
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
 PARENT = """
 import subprocess, sys
 child = subprocess.Popen([sys.executable, "-c", sys.argv[1]], stdin=subprocess.PIPE)
@@ -82,6 +108,21 @@ def test_a_second_signal_ends_a_program_that_does_not_close() -> None:
 
         wait_for(ended, "the end of the program")
     assert process.returncode == ExitCode.INTERRUPTED
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_interrupts_what_heeds_none(number: signal.Signals) -> None:
+    with running(UNHEEDING) as process:
+        process.send_signal(number)
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert output == "given back\n"
+    assert process.returncode != ExitCode.OK
+
+
+def test_an_interruption_that_is_lost_in_a_callback_from_c_comes_again() -> None:
+    with running(IN_A_CALLBACK) as process:
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert output == "interrupted\n"
 
 
 def test_a_child_stops_when_its_launcher_is_killed() -> None:
