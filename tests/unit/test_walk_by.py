@@ -1,0 +1,115 @@
+"""Recordings of a beacon carried by receivers: how they are read, brought to scale and tried."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from structlog.testing import capture_logs
+
+from dap_node.__main__ import app
+from dap_node.settings import DapSettings
+from dap_node.walk_by import calibration_db, path_loss, read_walk_by, try_receivers
+from shared.npz_file import NpzFileError
+from shared.process import ExitCode
+
+RECEIVERS_M = np.array([[0.0, 0.5, 1.0], [20.0, 0.5, 1.0]])
+
+
+def passing(power_at_1_m_dbm: float = -60.0, exponent: float = 2.2) -> dict[str, Any]:
+    """Return a walk past two receivers at 1 m/s, heard 5 times a second by each, out of order."""
+    time_s = np.repeat(np.arange(-20.0, 40.0, 0.2), 2)
+    receiver = np.tile([0, 1], len(time_s) // 2)
+    beacon_m = np.column_stack([time_s, 0.0 * time_s, np.ones_like(time_s)])
+    range_m = np.linalg.norm(beacon_m - RECEIVERS_M[receiver], axis=1)
+    order = np.random.default_rng(0).permutation(len(time_s))
+    arrays = {
+        "t_s": 1.5e9 + time_s,
+        "receiver": receiver.astype(np.int16),
+        "rssi_dbm": power_at_1_m_dbm - 10.0 * exponent * np.log10(range_m),
+        "truth_xyz_m": beacon_m,
+    }
+    shuffled = {name: array[order] for name, array in arrays.items()}
+    return {**shuffled, "receiver_xyz_m": RECEIVERS_M}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    np.savez(tmp_path / "walk.npz", **passing())
+    return tmp_path / "walk.npz"
+
+
+def test_power_and_its_fall_are_found_again(path: Path) -> None:
+    fit = path_loss([read_walk_by(path)])
+    assert fit == pytest.approx((-60.0, 2.2, 0.0), abs=1e-5)
+    assert calibration_db([read_walk_by(path)]) == pytest.approx(20.0)
+
+
+def test_every_receiver_notices_its_pass(path: Path) -> None:
+    trials = try_receivers(read_walk_by(path), DapSettings(offset_db=20.0), 1.5)
+    assert [trial.passes for trial in trials] == [1, 1]
+    assert [trial.noticed for trial in trials] == [1, 1]
+    for trial in trials:
+        assert trial.peaks.range_m == pytest.approx([0.5], abs=0.1)
+        assert trial.peaks.off_s == pytest.approx([0.0], abs=0.2)
+
+
+def test_recordings_are_evaluated_at_the_command_line(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["evaluate", str(path.parent), "--json"]
+    assert app(command, exit_on_error=False, result_action="return_value") == ExitCode.OK
+    told = msgspec.json.decode(capsys.readouterr().out)
+    assert told["path_loss"]["exponent"] == pytest.approx(2.2)
+    assert told["offset_db"] == pytest.approx(20.0)
+    assert (told["peaks"]["passes"], told["peaks"]["noticed"]) == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"receiver": None}, "no array receiver; it has"),
+        ({"rssi_dbm": np.zeros(3)}, "rssi_dbm has shape"),
+        ({"receiver": np.full(600, 7)}, "receiver points outside receiver_xyz_m"),
+        ({"t_s": np.arange(600.0) * 1e6}, "t_s spans 599000000 s"),
+        ({"truth_xyz_m": np.full((600, 3), np.nan)}, "truth_xyz_m holds what is no number"),
+        ({"receiver_xyz_m": np.float64(3.0)}, "receiver_xyz_m has shape"),
+    ],
+)
+def test_what_is_no_walk_is_refused(
+    tmp_path: Path, changes: dict[str, Any], complaint: str
+) -> None:
+    path = tmp_path / "walk.npz"
+    arrays = {name: value for name, value in (passing() | changes).items() if value is not None}
+    np.savez(path, **arrays)
+    with pytest.raises(NpzFileError, match=complaint):
+        read_walk_by(path)
+
+
+@pytest.mark.parametrize(
+    ("names", "complaint"),
+    [
+        ([], "give one scenario"),
+        (["four_daps", "corridor"], "give one scenario"),
+        (["walk.npz"], "walk.npz: no such file"),
+        (["empty"], "empty: no .npz file in it"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names: list[str], complaint: str
+) -> None:
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with capture_logs() as logs:
+        code = app(["evaluate", *names], exit_on_error=False, result_action="return_value")
+    assert code == ExitCode.USAGE
+    assert complaint in logs[-1]["event"]
+
+
+def test_without_a_reading_near_by_there_is_no_calibration(path: Path) -> None:
+    recording = read_walk_by(path)
+    with pytest.raises(ValueError, match="give --config"):
+        calibration_db([recording._replace(beacon_m=recording.beacon_m + 50.0)])
