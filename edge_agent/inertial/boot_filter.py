@@ -142,6 +142,20 @@ def update(
 
 
 @compiled
+def allow_for_lift(s: StateRecord, p: ParametersRecord, m: int, gained_m_s: float) -> None:
+    """Let a boot that has stood for long gain vertical speed: what it stands on may be a lift.
+
+    A lift gathers speed by some 1 m/s² for a second or two, in which a boot at rest on it is still
+    to every other measure. Zero velocity would make an accelerometer's bias of it, and take a
+    minute of walking to unlearn. What is not believed to be a bias is noise of this slot.
+    """
+    gained_m_s += p.gravity_m_s2 * s.history[m & (CAPACITY - 1), 0]
+    carried_m_s = p.carried_m_s2 * s.history[m & (CAPACITY - 1), 0]
+    if m - s.last_moving >= p.zero_rate and abs(gained_m_s) > carried_m_s:
+        s.covariance[5, 5] += (p.carried_factor * gained_m_s) ** 2
+
+
+@compiled
 def filter_slot(s: StateRecord, p: ParametersRecord, m: int) -> bool:
     """Predict to slot ``m`` and update there if the foot is believed still; returns whether."""
     mask = CAPACITY - 1
@@ -163,8 +177,11 @@ def filter_slot(s: StateRecord, p: ParametersRecord, m: int) -> bool:
         kind = MOVING
     still = believes_still(s, p, kind, roll, variance)
     if still:
+        allow_for_lift(s, p, m, row[3])
         update(s, p, m, roll, variance * p.reference_period_s / row[0])
         s.since_update_s = 0.0
+    else:
+        s.last_moving = m
     for c in range(3):
         row[FILTERED + c] = s.position_m[c]
         at = COVARIANCE_ROWS + STATES * c

@@ -50,6 +50,7 @@ STATE = np.dtype(
         ("anchor", "i8"),
         ("candidate", "i8"),
         ("still_since", "i8"),
+        ("last_moving", "i8"),
         ("zero_rate_first", "i8"),
         ("zero_rate_last", "i8"),
         ("candidate_statistic", "f8"),

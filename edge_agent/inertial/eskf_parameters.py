@@ -78,6 +78,10 @@ class EskfParameters(NamedTuple):
     zero_rate_time_s: float = 0.5
     zero_rate_sd_rad_s: float = 0.01
 
+    # Standing on what accelerates by more than this, as a lift does (boot_filter.py).
+    carried_m_s2: float = 0.25
+    carried_factor: float = 10.0
+
     # What is known at the start.
     rolling_height_m: float = 0.07
     rolling_height_sd_m: float = 0.008

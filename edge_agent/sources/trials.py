@@ -91,5 +91,7 @@ def _simulate(scenario: Scenario, responder: str, seed: int) -> TrialData:
         height=Height(read.time_s, position_m[:, 2]),
     )
     time_ns = np.rint(read.time_s * NS_PER_S).astype(np.int64)
-    recording = Recording(time_ns, read.force_m_s2, read.rate_rad_s, read.field_ut)
+    recording = Recording(
+        time_ns, read.force_m_s2, read.rate_rad_s, read.field_ut, read.pressure_pa
+    )
     return TrialData(recording, truth)

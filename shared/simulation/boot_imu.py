@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import repeat
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.messages import ImuSample, NodeId
+from shared.simulation.barometer import read_pressure_pa
 from shared.simulation.chance import generator
 from shared.simulation.foot_path import FootPath
 from shared.simulation.gaits import StrideShape
@@ -37,26 +39,31 @@ class BootRecording:
     """Everything one boot sensor read: ``time_s`` (n,) true times since the exercise's start.
 
     ``force_m_s2``, ``rate_rad_s`` and ``field_ut`` are (n, 3) in the sensor's own axes, which are
-    the boot's forward-right-down but for the mounting. The sampling rate is near the nominal one.
+    the boot's forward-right-down but for the mounting. ``pressure_pa`` (n,) is NaN between the
+    barometer's readings, ``None`` without one. The sampling rate is near the nominal one.
     """
 
     time_s: Array
     force_m_s2: Array
     rate_rad_s: Array
     field_ut: Array
+    pressure_pa: Array | None
 
     def samples(self, start_ns: int) -> Iterator[ImuSample]:
         """Yield the samples in order, the exercise having begun at ``start_ns``."""
         times_ns = start_ns + np.rint(self.time_s * NS_PER_S).astype(np.int64)
+        pressures = repeat(math.nan) if self.pressure_pa is None else self.pressure_pa.tolist()
         readings = zip(
             times_ns.tolist(),
             self.force_m_s2.tolist(),
             self.rate_rad_s.tolist(),
             self.field_ut.tolist(),
-            strict=True,
+            pressures,
+            strict=False,
         )
-        for time_ns, force, rate, field in readings:
-            yield ImuSample(time_ns, tuple(force), tuple(rate), tuple(field))
+        for time_ns, force, rate, field, pa in readings:
+            pressure_pa = None if math.isnan(pa) else pa
+            yield ImuSample(time_ns, tuple(force), tuple(rate), tuple(field), pressure_pa)
 
 
 def simulate_boot_imu(scenario: Scenario, responder_id: NodeId, seed: int) -> BootRecording:
@@ -78,7 +85,11 @@ def simulate_boot_imu(scenario: Scenario, responder_id: NodeId, seed: int) -> Bo
     field = MagneticField(scenario.magnetic, generator(seed, "magnetic"))
     position_m, angles_rad = walk.foot.pose(time_s)
     field_ut = np.einsum("nij,ni->nj", nav_from_body(angles_rad), field.at(position_m))
-    return BootRecording(time_s, force, rate, sensor.read_field(field_ut, chance))
+    pressure_pa = None
+    if scenario.barometer is not None:
+        weather = generator(seed, "barometer", responder_id)
+        pressure_pa = read_pressure_pa(scenario.barometer, time_s, -position_m[:, 2], weather)
+    return BootRecording(time_s, force, rate, sensor.read_field(field_ut, chance), pressure_pa)
 
 
 def inertial_truth(

@@ -36,6 +36,7 @@ class FootPath:
     ``shape`` is (fields of StrideShape, k). Of each stance, ``place_m`` is the point on the ground
     under the sensor when the boot is flat (NED), ``facing_rad`` its heading, ``posture_rad`` the
     pitch it rests at and ``roll_rate_rad_s`` how fast it rolls towards the toe in passing.
+    ``ramp`` (k,) is the share of its rise in which a stride gathers speed, and loses it again.
     ``unrest`` is a spline from time to three shifts (m) and roll, pitch and yaw (rad).
     """
 
@@ -46,6 +47,7 @@ class FootPath:
     facing_rad: Array
     posture_rad: Array
     roll_rate_rad_s: Array
+    ramp: Array
     sole: Sole
     unrest: CubicSpline[np.float64]
 
@@ -124,7 +126,7 @@ class FootPath:
         even = _glide(x, shape.go_start, landed, 0.3, arrest / swing)
         along = (1.0 - shape.carry) * _glide(x, shape.go_start, shape.go_end, 0.45, 0.4)
         along += shape.carry * even
-        rise = _glide(x, shape.rise_start, shape.rise_end, 0.5, 0.5)
+        rise = rise_share(x, shape.rise_start, shape.rise_end, self.ramp[k])
         way_m = self.place_m[k + 1] - self.place_m[k]
         place_m = self.place_m[k] + way_m * np.column_stack([along, along, rise])
         falling_s = shape.arrest_s * _ramp((landed - x) / arrest)
@@ -132,6 +134,14 @@ class FootPath:
         clear_m = shape.lift_m * _bump(x, shape.go_start, landed)
         place_m[:, 2] -= lifted * shape.descent_m_s * falling_s + clear_m
         return place_m
+
+
+def rise_share(x: Array, start: Array | float, end: Array | float, ramp: Array | float) -> Array:
+    """Return the share of its rise (n,) that a foot, or a lift, has made at ``x``.
+
+    It rises from ``start`` to ``end``, gathering and losing speed in ``ramp`` of that each.
+    """
+    return _glide(x, start, end, ramp, ramp)
 
 
 def _step(x: Array) -> Array:
@@ -151,7 +161,12 @@ def _ramp(x: Array, power: int = 2) -> Array:
 
 
 def _glide(
-    x: Array, start: Array, end: Array, up: float, down: float | Array, power: int = 2
+    x: Array,
+    start: Array | float,
+    end: Array | float,
+    up: Array | float,
+    down: Array | float,
+    power: int = 2,
 ) -> Array:
     """Go from 0 to 1 over [start, end]: gather speed in the share ``up``, lose it in ``down``."""
     y = (x - start) / (end - start)

@@ -155,6 +155,25 @@ STAIRS_DOWN = WALK._replace(
     strike_m_s2=12.0,
 )
 
+LADDER = STAIRS_UP._replace(
+    passing_rad_s=math.radians(1.0),
+    push_rad=math.radians(22.0),
+    reach_rad=math.radians(8.0),
+    rise_start=0.2,
+    rise_end=0.7,
+    descent_m_s=0.12,
+    lift_m=0.03,
+    roll_rad=math.radians(6.0),
+    yaw_rad=math.radians(6.0),
+    strike_m_s2=6.0,
+)
+LIFT = StrideShape(**dict.fromkeys(StrideShape._fields, 0.0))._replace(
+    push_start=0.02, push_end=0.36, swing_start=0.3, swing_end=0.7, load_start=0.66, load_end=0.92,
+    go_start=0.28, go_end=0.72, rise_start=0.0, rise_end=1.0, touch=0.43, arrest_s=0.03,
+    unrest=0.1,
+)  # fmt: skip
+"""Nothing moves but the floor: the foot is down again as soon as it would be up."""
+
 SHAPES: dict[Gait, StrideShape[float]] = {
     "walk": WALK,
     "fast_walk": FAST_WALK,
@@ -163,4 +182,6 @@ SHAPES: dict[Gait, StrideShape[float]] = {
     "crawl": CRAWL,
     "stairs_up": STAIRS_UP,
     "stairs_down": STAIRS_DOWN,
+    "ladder": LADDER,
+    "lift": LIFT,
 }

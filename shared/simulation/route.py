@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 from shared.maths.angles import wrap_rad
 from shared.messages import NodeId
 from shared.simulation.gaits import CRAWL_POSTURE_RAD
-from shared.simulation.scenario import Climb, Gait, Habit, Leg, Move, Person, Scenario, Stand
+from shared.simulation.scenario import (
+    Climb,
+    Gait,
+    Habit,
+    Leg,
+    Move,
+    Person,
+    Ride,
+    Scenario,
+    Stand,
+)
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -27,6 +37,8 @@ ROUND_UP_TO_RAD = math.radians(120.0)
 CORNER_CUT_M = 0.6
 """How far before a corner the walker begins to round it."""
 KNEEL_S = 1.8
+LADDER_TREAD_M = 0.1
+"""Steps no deeper than this are rungs."""
 CLIMB_REACH_M = 0.6
 """How near the end of a flight a route must come before it can take it."""
 PLACE_SPREAD_M = 0.012
@@ -36,7 +48,8 @@ class Footfall(NamedTuple):
     """One stance: how and in what time it was reached, where boot and body are, how long it stands.
 
     ``place_m`` is under the boot's sensor, ``body_m`` under the hip, both on the ground (NED);
-    ``posture_rad`` is the boot's pitch at rest.
+    ``posture_rad`` is the boot's pitch at rest, ``ramp`` the share of its rise in which it gathered
+    speed.
     """
 
     gait: Gait
@@ -46,6 +59,7 @@ class Footfall(NamedTuple):
     facing_rad: float
     posture_rad: float
     dwell_s: float = 0.0
+    ramp: float = 0.5
 
 
 class Route(NamedTuple):
@@ -78,6 +92,8 @@ def plan_route(scenario: Scenario, responder_id: NodeId, chance: np.random.Gener
             exact = isinstance(next_leg, Climb)
             jitter_m = responder.route_jitter_m
             footfalls += planner.move(here, leg, jitter_m, exact_end=exact)
+        elif isinstance(leg, Ride):
+            footfalls.append(planner.ride(here, leg))
         else:
             footfalls += planner.climb(here, leg)
     return Route(footfalls, installs)
@@ -124,8 +140,11 @@ class _Planner:
                 f"{here.body_m[:2].round(2).tolist()}: let a move end there first"
             )
         gait: Gait = "stairs_up" if up else "stairs_down"
-        habit = self._person.habit(gait)
         facing_rad = _direction(far_m[:2] - near_m[:2])
+        if stairs.tread_m < LADDER_TREAD_M:
+            # One faces it on the way down as well.
+            gait, facing_rad = "ladder", _direction(head_m[:2] - foot_m[:2])
+        habit = self._person.habit(gait)
         falls = [here, *self._pivot(here, facing_rad)]
         facing_rad = falls[-1].facing_rad + wrap_rad(facing_rad - falls[-1].facing_rad)
         shares = np.append(np.arange(2, stairs.steps, 2), stairs.steps) / stairs.steps
@@ -133,6 +152,23 @@ class _Planner:
             body_m = near_m + share * (far_m - near_m)
             falls.append(self._fall(gait, habit, body_m, facing_rad, 0.0))
         return falls[1:]
+
+    def ride(self, here: Footfall, leg: Ride) -> Footfall:
+        """The stance at the end of a lift's ride: short of time, it is not as fast as it could."""
+        rise_m = np.array([0.0, 0.0, -self._building.floor_height_m(leg.to_floor) - here.body_m[2]])
+        way_m = abs(float(rise_m[2]))
+        # The glide's acceleration is at most 1.5 times its mean.
+        speed_m_s = min(leg.speed_m_s, math.sqrt(way_m * leg.acceleration_m_s2 / 1.5))
+        ramp_s = 1.5 * speed_m_s / leg.acceleration_m_s2
+        ride_s = way_m / speed_m_s + ramp_s
+        return here._replace(
+            gait="lift",
+            stride_s=ride_s,
+            place_m=here.place_m + rise_m,
+            body_m=here.body_m + rise_m,
+            dwell_s=0.0,
+            ramp=ramp_s / ride_s,
+        )
 
     def _pivot(self, here: Footfall, aim_rad: float) -> list[Footfall]:
         """Turn on the spot towards ``aim_rad``, if it is far from where one faces."""

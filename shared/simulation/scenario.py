@@ -17,6 +17,7 @@ from msgspec import Meta
 
 from shared.config import ConfigError, load_toml
 from shared.messages import NodeId
+from shared.simulation.barometer import BarometerSettings
 from shared.simulation.imu_errors import ImuSettings
 from shared.simulation.magnetic import MagneticSettings
 from shared.simulation.plan import Plan, Point, load_plan, packaged_or_path
@@ -25,8 +26,9 @@ from shared.simulation.propagation import RadioParameters
 SCENARIOS = Path(__file__).parent / "scenarios"
 
 Gait: TypeAlias = Literal[
-    "stand", "walk", "fast_walk", "side_left", "side_right", "crawl", "stairs_up", "stairs_down"
-]
+    "stand", "walk", "fast_walk", "side_left", "side_right", "crawl", "stairs_up", "stairs_down",
+    "ladder", "lift",
+]  # fmt: skip
 LevelGait: TypeAlias = Literal["walk", "fast_walk", "side_left", "side_right", "crawl"]
 Seconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e5)]
 Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -54,7 +56,15 @@ class Climb(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="
     stairs: str
 
 
-Leg: TypeAlias = Stand | Move | Climb
+class Ride(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="ride"):
+    """Stand in a lift, where one is, that goes to the floor ``to_floor``."""
+
+    to_floor: str
+    speed_m_s: Annotated[float, Meta(gt=0.1, le=10.0)] = 1.6
+    acceleration_m_s2: Annotated[float, Meta(gt=0.1, le=3.0)] = 1.0
+
+
+Leg: TypeAlias = Stand | Move | Climb | Ride
 
 
 class Habit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -66,6 +76,9 @@ class Habit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     stride_m: Annotated[float, Meta(gt=0.1, le=4.0)]
     stride_s: Annotated[float, Meta(gt=0.3, le=10.0)]
+
+
+LADDER = Habit(0.6, 1.9)
 
 
 class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -81,7 +94,9 @@ class Person(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     spread: Share = 0.03
 
     def habit(self, gait: Gait) -> Habit:
-        """How they make ``gait``, which is not standing."""
+        """How they make ``gait``, which is not standing; a ladder is climbed by all alike."""
+        if gait == "ladder":
+            return LADDER
         habit: Habit = getattr(self, gait)
         return habit
 
@@ -124,6 +139,7 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
     people: dict[str, Person] = {}
     imu: ImuSettings = ImuSettings()
     magnetic: MagneticSettings = MagneticSettings()
+    barometer: BarometerSettings | None = None
     radio: RadioParameters = RadioParameters()
     taped_m: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
 
@@ -200,3 +216,6 @@ def _out_of_place(scenario: Scenario) -> Iterator[str]:
             if isinstance(leg, Climb) and leg.stairs not in flights:
                 stairs = f"no {leg.stairs!r} in the plan; use one of {flights}"
                 yield f"{where}.route[{index}].stairs: {stairs}"
+            if isinstance(leg, Ride) and leg.to_floor not in floors:
+                floor = f"no {leg.to_floor!r} in the plan; use one of {floors}"
+                yield f"{where}.route[{index}].to_floor: {floor}"

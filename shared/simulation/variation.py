@@ -67,7 +67,8 @@ def varied_shapes(
     """
     if not gaits:
         return np.empty((len(StrideShape._fields), 0))
-    usual = [Person().habit(gait) for gait in gaits]
+    # A lift's ride is nobody's habit.
+    usual = [Person().habit("walk" if gait == "lift" else gait) for gait in gaits]
     length = stride_m / np.array([habit.stride_m for habit in usual])
     speed = length * np.array([habit.stride_s for habit in usual]) / stride_s
     effort = np.clip(0.35 + 0.65 * length, 0.35, 1.2)

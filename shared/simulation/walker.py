@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 
 from shared.messages import NodeId
 from shared.simulation.chance import generator
-from shared.simulation.foot_path import FootPath
+from shared.simulation.foot_path import FootPath, rise_share
 from shared.simulation.gaits import StrideShape
 from shared.simulation.route import Footfall, plan_route
 from shared.simulation.scenario import Gait, Scenario
@@ -106,6 +106,11 @@ def _body_track(falls: list[Footfall], reached_s: Array, left_s: Array) -> BodyT
     count = max(2, int((knots_s[-1] - knots_s[0]) * BODY_RATE_HZ) + 1)
     time_s = np.linspace(knots_s[0], knots_s[-1], count)
     at = track(time_s)
+    for before, fall, from_s, to_s in zip(falls, falls[1:], left_s, reached_s[1:], strict=False):
+        if fall.gait == "lift":
+            riding = (time_s >= from_s) & (time_s <= to_s)
+            share = rise_share((time_s[riding] - from_s) / (to_s - from_s), 0.0, 1.0, fall.ramp)
+            at[riding, 2] = before.body_m[2] + share * (fall.body_m[2] - before.body_m[2])
     return BodyTrack(time_s, at[:, :3], at[:, 3])
 
 
@@ -128,6 +133,7 @@ def _foot_path(
         facing_rad=np.array([fall.facing_rad for fall in falls]),
         posture_rad=np.array([fall.posture_rad for fall in falls]),
         roll_rate_rad_s=np.append(0.0, shape.passing_rad_s * passed),
+        ramp=np.array([fall.ramp for fall in falls[1:]]),
         sole=Sole(*chance.normal(SENSOR_PLACE_M, SENSOR_PLACE_SPREAD_M)),
         unrest=unrest(reached_s[0], start_s, end_s, shape.unrest, left_s[-1], chance),
     )

@@ -32,6 +32,7 @@ NAMES: dict[Gait, Activity] = {
     "crawl": "crawl",
     "stairs_up": "stairs_up",
     "stairs_down": "stairs_down",
+    "ladder": "ladder",
 }
 LOST: Covariance4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 KNOWN: Covariance4 = (1e-4, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -19,7 +19,10 @@ from edge_agent.mounts.boot_eskf import EskfBootMount
 from edge_agent.mounts.interface import Increment
 from shared.maths.angles import wrap_rad
 from shared.messages import ImuSample, Vector3
+from shared.simulation.boot_imu import simulate_boot_imu
+from shared.simulation.scenario import Leg, Move, Ride, Stand
 from shared.units import NS_PER_S
+from tests.simulated_walks import lone_walk
 from tests.synthetic_boot import BROKEN_READINGS, SyntheticWalk
 
 FIELD_UT = (22.0, 0.0, 41.0)
@@ -284,3 +287,16 @@ def test_a_second_process_reads_the_kernels_from_disk() -> None:
         [sys.executable, "-c", COUNT_COMPILED], capture_output=True, check=True, cwd=project
     ).stdout
     assert told.split() == [b"1", b"0"]
+
+
+def test_a_ride_in_a_lift_is_taken_for_no_error_of_the_sensor() -> None:
+    """A walk after it sinks as much as one without it."""
+    way = Move("walk", ((10.0, 0.0),))
+
+    def sunk_m(*legs: Leg) -> float:
+        boot = simulate_boot_imu(lone_walk(Stand(8.0), *legs, way, floor="first"), "r1", seed=2)
+        walked = follow(EskfBootMount(), boot.samples(0))
+        strides_m = [one.displacement_m for one in walked]
+        return sum(down_m for north_m, east_m, down_m in strides_m if north_m**2 + east_m**2 > 0.1)
+
+    assert sunk_m(Ride("fifth"), Stand(2.0)) == pytest.approx(sunk_m(Stand(2.0)), abs=0.02)

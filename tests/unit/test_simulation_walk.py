@@ -7,7 +7,15 @@ import pytest
 
 from shared.simulation.installation import REACH_M, installation_truth
 from shared.simulation.plan import Room
-from shared.simulation.scenario import SCENARIOS, Gait, Move, Scenario, Stand, load_scenario
+from shared.simulation.scenario import (
+    SCENARIOS,
+    Climb,
+    Gait,
+    Move,
+    Ride,
+    Scenario,
+    load_scenario,
+)
 from shared.simulation.walker import Walk, simulate_walk
 from tests.simulated_walks import gait_walk, lone_walk
 
@@ -70,7 +78,7 @@ def course_length_m(scenario: Scenario) -> float:
             for point in leg.to_m:
                 total_m += float(np.hypot(*(np.array(point) - here)))
                 here = np.array(point)
-        elif not isinstance(leg, Stand):
+        elif isinstance(leg, Climb):
             stairs = scenario.building.flight(leg.stairs)
             run_m = stairs.tread_m * stairs.steps
             rise_m = scenario.building.floor_height_m(stairs.upper_floor)
@@ -104,6 +112,33 @@ def test_stairs_end_on_the_other_floor() -> None:
         climbed_m = walk.stance_position_m[0, 2] - walk.stance_position_m[-1, 2]
         assert climbed_m == pytest.approx(rise_m, abs=0.002)
         assert np.all(np.diff(walk.body.position_m[:, 2]) * np.sign(-rise_m) >= 0.0)
+
+
+def test_a_ladder_is_climbed_upright_and_faced_both_ways() -> None:
+    there_and_back = (Climb("ladder"), Climb("ladder"))
+    scenario = lone_walk(*there_and_back, start_m=(12.0, -4.0), floor="fifth")
+    walk = simulate_walk(scenario, "r1", seed=0)
+    assert walk.body.position_m[:, 2].min() == pytest.approx(-19.8, abs=0.01)
+    assert walk.body.position_m[-1, 2] == pytest.approx(-16.5)
+    assert np.ptp(walk.body.heading_rad) < 0.01
+    assert np.ptp(walk.body.position_m[:, 0]) == pytest.approx(0.6, abs=0.01)
+
+
+@pytest.mark.parametrize(("floor", "peak_m_s"), [("fifth", 2.5), ("second", 1.67)])
+def test_a_lift_gathers_speed_and_carries_foot_and_body_alike(floor: str, peak_m_s: float) -> None:
+    """Short of 3.1 m, where 1.2 m/s² takes it to 2.5 m/s and back, it is slower."""
+    ride = Ride(floor, speed_m_s=2.5, acceleration_m_s2=1.2)
+    scenario = lone_walk(ride, floor="first")
+    walk = simulate_walk(scenario, "r1", seed=0)
+    time_s = np.arange(0.0, walk.body.time_s[-1], 0.02)
+    foot_m, _ = walk.foot.pose(time_s)
+    body_m, _ = walk.body.at(time_s)
+    assert np.ptp(foot_m[:, :2], axis=0).max() < 0.01
+    assert np.ptp(foot_m[:, 2] - body_m[:, 2]) < 0.03
+    speed_m_s = -np.diff(foot_m[:, 2]) / 0.02
+    assert speed_m_s.max() == pytest.approx(peak_m_s, rel=0.05)
+    smooth = np.convolve(speed_m_s, np.ones(10) / 10, "valid")
+    assert np.abs(np.diff(smooth) / 0.02).max() == pytest.approx(1.2, abs=0.15)
 
 
 def test_side_steps_go_sideways_and_a_u_turn_is_made_on_the_spot() -> None:
