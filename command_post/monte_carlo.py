@@ -29,7 +29,7 @@ def run_many(
     runs: int,
     first_seed: int,
     settings: IncidentSettings,
-    method: str | None,
+    agents: Agents,
     workers: int,
 ) -> Iterator[list[RunErrors]]:
     """Yield the errors of ``runs`` rehearsals chunk by chunk, in the order of their seeds.
@@ -40,7 +40,7 @@ def run_many(
     """
     starts = range(first_seed, first_seed + runs, SEEDS_A_CHUNK)
     end = first_seed + runs
-    chunk = partial(_run_chunk, scenario_name, settings, Agents(method, imu=False))
+    chunk = partial(_run_chunk, scenario_name, settings, agents)
     with ProcessPoolExecutor(workers, initializer=_heed_the_main_process_alone) as pool:
         try:
             counts = [min(SEEDS_A_CHUNK, end - start) for start in starts]

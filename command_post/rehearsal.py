@@ -19,6 +19,7 @@ from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident
 from command_post.recording_file import RecordingFile
 from shared.bus.wire_log import WireFrame, read_wire_log
+from shared.exercise import OdometrySource
 
 STOP_GRACE_S = 1.0
 """What a node's program in rehearsal was about to write is of no use to anybody."""
@@ -31,17 +32,23 @@ class RehearsalError(RuntimeError):
 class Agents(NamedTuple):
     """What the agents of an exercise are told.
 
-    ``method`` is how they read their boots, ``None`` for the agents' own default; ``imu`` whether
-    they publish the raw samples.
+    ``method`` is how they read their boots, ``None`` for the agents' own default; ``raw`` whether
+    they, and the DAPs, publish the samples and readings that nothing is fused from. ``odometry`` is
+    whether boots are simulated, or the errors of strides alone.
     """
 
     method: str | None
-    imu: bool
+    raw: bool
+    odometry: OdometrySource = "imu"
 
     def options(self) -> tuple[str, ...]:
         """Return it as ``edge-agent``'s arguments."""
         method = () if self.method is None else ("--method", self.method)
-        return (*method, "--imu" if self.imu else "--no-imu")
+        return (*method, "--odometry", self.odometry, "--imu" if self.raw else "--no-imu")
+
+    def dap_options(self) -> tuple[str, ...]:
+        """Return it as ``dap-node``'s arguments."""
+        return ("--rssi" if self.raw else "--no-rssi",)
 
 
 def rehearse_nodes(
@@ -52,7 +59,7 @@ def rehearse_nodes(
     Raises ``RehearsalError`` when one of the programs fails.
     """
     seeds = f"{first_seed}-{first_seed + count - 1}"
-    for module, options in (("edge_agent", agents.options()), ("dap_node", ())):
+    for module, options in (("edge_agent", agents.options()), ("dap_node", agents.dap_options())):
         arguments = ("rehearse", scenario_name, "--seeds", seeds, "--output", str(directory))
         with Children(directory, STOP_GRACE_S) as children:
             children.start(module, module, (*arguments, "--with-parent", *options))

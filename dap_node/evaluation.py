@@ -16,7 +16,7 @@ from dap_node.settings import DapSettings
 from dap_node.true_range import TrueRange
 from shared.messages import NodeId
 from shared.rssi_peaks import PeakDetector
-from shared.simulation.installation import installation_truth
+from shared.simulation.installation import installation_truth, is_set_down
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 from shared.units import NS_PER_S
@@ -72,8 +72,11 @@ def try_dap(
 ) -> list[LinkTrial]:
     """Return how a DAP did with each responder in the exercise of ``seed``.
 
-    The range is from the floor underfoot to the DAP. Who comes within ``pass_m`` passes it.
+    The range is from the floor underfoot to the DAP. Who comes within ``pass_m`` passes it. There
+    is nothing to return of one that is never set down.
     """
+    if not is_set_down(scenario, dap_id, seed):
+        return []
     observations = list(SimulatedScanner(scenario, dap_id, seed).observations(0))
     installed_s, dap_m, _ = installation_truth(scenario, dap_id, seed)
     ranges = {}

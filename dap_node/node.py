@@ -50,7 +50,11 @@ class DapNode:
         incident: NodeId,
         dap_id: NodeId,
         settings: DapSettings | None = None,
+        *,
+        sends_rssi: bool = True,
     ) -> None:
+        """``sends_rssi``: publish every reading as well, for the record."""
+        self._sends_rssi = sends_rssi
         settings = settings or DapSettings()
         self.refusals: Counter[str] = Counter()
         self._sender = Sender(bus, incident, "dap", dap_id)
@@ -93,18 +97,22 @@ class DapNode:
             calibrated_dbm = rssi_dbm + self._offset_db
             self._proximity.add(scan.time_ns, responder_id, calibrated_dbm)
             self._peaks.add(scan.time_ns, responder_id, calibrated_dbm)
-            self._sender.send(
-                RssiReport(
-                    event_time_ns=scan.time_ns,
-                    sequence=self._sender.next_sequence(RssiReport),
-                    responder_id=responder_id,
-                    rssi_dbm=rssi_dbm,
-                )
-            )
+            if self._sends_rssi:
+                self._say_reading(scan.time_ns, responder_id, rssi_dbm)
         for proximity in self._proximity.tick(scan.time_ns):
             self._say_near(proximity)
         for peak in self._peaks.tick(scan.time_ns):
             self._say_peak(peak)
+
+    def _say_reading(self, time_ns: int, responder_id: NodeId, rssi_dbm: float) -> None:
+        self._sender.send(
+            RssiReport(
+                event_time_ns=time_ns,
+                sequence=self._sender.next_sequence(RssiReport),
+                responder_id=responder_id,
+                rssi_dbm=rssi_dbm,
+            )
+        )
 
     def _heed_posts(self) -> None:
         for received in self._inbox.get_all():

@@ -21,7 +21,7 @@ from command_post.rehearsal import Agents, RehearsalError
 from command_post.rehearsal import rehearse as rehearse_scenario
 from command_post.score_table import pooled_table
 from shared.config import checked
-from shared.exercise import REHEARSAL_INCIDENT
+from shared.exercise import REHEARSAL_INCIDENT, OdometrySource
 from shared.process import ExitCode
 from shared.simulation.scenario import load_scenario
 
@@ -37,6 +37,7 @@ def rehearse(
     output: Path,
     seed: Seed = 1,
     method: str | None = None,
+    odometry: OdometrySource = "imu",
     imu: bool = True,
     replace: bool = False,
 ) -> int:
@@ -54,8 +55,10 @@ def rehearse(
         Of the simulated world and of the fusion.
     method
         How the agents read their boots: eskf or linear; the agents' own default if not given.
+    odometry
+        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
     imu
-        Record the raw samples as well.
+        Record the raw samples and readings as well.
     replace
         Replace a recording that is there already.
 
@@ -64,7 +67,8 @@ def rehearse(
         fusion = checked(FusionSettings(seed=seed))
         settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
         load_scenario(scenario)
-        rehearse_scenario(scenario, seed, settings, output, Agents(method, imu), replace=replace)
+        agents = Agents(method, imu, odometry)
+        rehearse_scenario(scenario, seed, settings, output, agents, replace=replace)
     except (ValueError, RecorderError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
@@ -81,6 +85,7 @@ def montecarlo(
     seed: Seed = 0,
     particles: int = 1000,
     method: str | None = None,
+    odometry: OdometrySource = "imu",
     workers: Positive = 2,
     json: bool = False,
 ) -> int:
@@ -100,6 +105,8 @@ def montecarlo(
         For each responder.
     method
         How the agents read their boots: eskf or linear; the agents' own default if not given.
+    odometry
+        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
     workers
         Processes that share the work.
     json
@@ -111,13 +118,14 @@ def montecarlo(
     try:
         fusion = checked(FusionSettings(seed=seed, particles=particles))
         settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
+        agents = Agents(method, raw=False, odometry=odometry)
         for name in scenario:
             load_scenario(name)
         with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
             for name in scenario:
                 task = bar.add_task(name, total=runs)
                 errors[Path(name).stem] = []
-                for chunk in run_many(name, runs, seed, settings, method, workers):
+                for chunk in run_many(name, runs, seed, settings, agents, workers):
                     errors[Path(name).stem].extend(chunk)
                     bar.advance(task, len(chunk))
     except ValueError as error:

@@ -118,6 +118,7 @@ def rehearse(
     *,
     seeds: str = "1",
     output: Path,
+    rssi: bool = True,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
     """Let all DAPs of a scenario hear it offline, and write what they would have published.
@@ -133,6 +134,8 @@ def rehearse(
         One seed, or the first and the last: 0-9.
     output
         Folder for the logs.
+    rssi
+        Publish every reading as well, for the record.
     with_parent
         End when standard input closes.
 
@@ -150,7 +153,7 @@ def rehearse(
     for seed, dap_id in track(
         jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
     ):
-        rehearse_dap(loaded, dap_id, seed, output / str(seed))
+        rehearse_dap(loaded, dap_id, seed, output / str(seed), sends_rssi=rssi)
     return ExitCode.OK
 
 
@@ -188,12 +191,17 @@ class Company:
             self._alive.discard(key)
 
 
-def rehearse_dap(scenario: Scenario, dap_id: NodeId, seed: int, folder: Path) -> None:
-    """Write what ``dap_id`` would publish in the exercise of ``seed`` to ``folder``."""
+def rehearse_dap(
+    scenario: Scenario, dap_id: NodeId, seed: int, folder: Path, *, sends_rssi: bool = True
+) -> None:
+    """Write what ``dap_id`` would publish in the exercise of ``seed`` to ``folder``.
+
+    ``sends_rssi``: every reading as well.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     clock = ManualClock()
     with WireLogBus(folder / f"{dap_id}.wire", clock) as bus:
-        node = DapNode(bus, REHEARSAL_INCIDENT, dap_id)
+        node = DapNode(bus, REHEARSAL_INCIDENT, dap_id, sends_rssi=sends_rssi)
         for observation in SimulatedScanner(scenario, dap_id, seed).observations(
             REHEARSAL_START_NS
         ):

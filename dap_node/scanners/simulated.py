@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from dap_node.scanners.observation import Observation, Scan, SetDown
-from shared.messages import LocalPosition, NodeId
-from shared.simulation.installation import installation_truth
+from shared.messages import LocalPosition, NodeId, Vector3
+from shared.simulation.installation import installation_truth, is_set_down
 from shared.simulation.radio import simulate_scans
 from shared.simulation.scenario import Scenario
 from shared.units import NS_PER_S
@@ -28,20 +28,29 @@ class SimulatedScanner:
         if dap_id not in scenario.daps:
             known = ", ".join(scenario.daps) or "none"
             raise ValueError(f"no DAP {dap_id!r} in the scenario; there are: {known}")
-        time_s, place_m, self._installer_id = installation_truth(scenario, dap_id, seed)
-        self._installed_s = time_s
-        self._truth_m = (float(place_m[0]), float(place_m[1]), float(place_m[2]))
+        self._installed = (
+            installation_truth(scenario, dap_id, seed)
+            if is_set_down(scenario, dap_id, seed)
+            else None
+        )
         self._is_surveyed = scenario.daps[dap_id].position_m is not None
         self._scans = simulate_scans(scenario, dap_id, seed)
         self._period_s = 1.0 / scenario.radio.scan_rate_hz
 
     def observations(self, start_ns: int) -> Iterator[Observation]:
-        """Yield the installation and all scans of an exercise that starts at ``start_ns``."""
+        """Yield the installation and all scans of an exercise that starts at ``start_ns``.
+
+        There are none of a DAP that is never set down.
+        """
+        if self._installed is None:
+            return
+        installed_s, place_m, installer_id = self._installed
+        truth_m = (float(place_m[0]), float(place_m[1]), float(place_m[2]))
 
         def at(time_s: float) -> int:
             return start_ns + round(time_s * NS_PER_S)
 
-        yield SetDown(at(self._installed_s), self._installer_id, self._position(), self._truth_m)
+        yield SetDown(at(installed_s), installer_id, self._position(truth_m), truth_m)
         for index, time_s in enumerate(self._scans.time_s):
             heard = {
                 responder_id: float(rssi_dbm[index])
@@ -49,14 +58,14 @@ class SimulatedScanner:
                 if not np.isnan(rssi_dbm[index])
             }
             yield Scan(at(float(time_s)), heard)
-        end_s = float(self._scans.time_s[-1]) if len(self._scans.time_s) else self._installed_s
+        end_s = float(self._scans.time_s[-1]) if len(self._scans.time_s) else installed_s
         for after_s in np.arange(self._period_s, EMPTY_SCANS_S, self._period_s):
             yield Scan(at(end_s + float(after_s)), {})
 
-    def _position(self) -> LocalPosition | None:
+    def _position(self, truth_m: Vector3) -> LocalPosition | None:
         if not self._is_surveyed:
             return None
-        north_m, east_m, down_m = self._truth_m
+        north_m, east_m, down_m = truth_m
         variance_m2 = SURVEYED_SD_M**2
         return LocalPosition(
             north_m=north_m,

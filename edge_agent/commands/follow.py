@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import track
 
 from edge_agent.agent import Agent
+from edge_agent.commands.strides import rehearse_strides
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
 from edge_agent.sources.opening import Reading, Source, open_source
@@ -22,7 +23,13 @@ from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh
 from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
 from shared.config import ConfigError, checked
-from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
+from shared.exercise import (
+    REHEARSAL_INCIDENT,
+    REHEARSAL_START_NS,
+    OdometrySource,
+    await_exercise,
+    seeds_in,
+)
 from shared.messages import LocalPosition, NodeId, TrackStart
 from shared.process import (
     ExitCode,
@@ -121,6 +128,7 @@ def rehearse(
     *,
     seeds: str = "1",
     method: MethodName = DEFAULT_METHOD,
+    odometry: OdometrySource = "imu",
     output: Path,
     imu: bool = True,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
@@ -138,6 +146,8 @@ def rehearse(
         One seed, or the first and the last: 0-9.
     method
         How the boot's sensor is read.
+    odometry
+        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
     output
         Folder for the logs.
     imu
@@ -149,12 +159,15 @@ def rehearse(
     if with_parent:
         end_with_parent()
     try:
-        responders = load_scenario(scenario).responders
-        jobs = [(seed, one) for seed in seeds_in(seeds) for one in responders]
+        exercise = load_scenario(scenario)
+        jobs = [(seed, one) for seed in seeds_in(seeds) for one in exercise.responders]
         console = Console(stderr=True)
         for seed, responder_id in track(
             jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
         ):
+            if odometry == "strides":
+                rehearse_strides(exercise, responder_id, seed, output / str(seed))
+                continue
             source = open_source(f"simulated:{scenario}", responder_id, seed)
             _rehearse(source, responder_id, method, output / str(seed), sends_imu=imu)
     except (ConfigError, SourceError, ValueError, OSError) as error:

@@ -14,20 +14,31 @@ REACH_M = 0.4
 """How far from the hip a person sets something down."""
 
 
+def is_set_down(scenario: Scenario, dap_id: NodeId, seed: int) -> bool:
+    """Say whether ``dap_id`` is ever installed: of those that are carried, some are not."""
+    if scenario.daps[dap_id].position_m is not None:
+        return True
+    installer_id = dict(scenario.installations)[dap_id]
+    return dap_id in simulate_walk(scenario, installer_id, seed).installed
+
+
 def installation_truth(
     scenario: Scenario, dap_id: NodeId, seed: int
 ) -> tuple[float, NDArray[np.float64], NodeId | None]:
     """Return when (s), where ((3,) NED, on the floor) and by whom ``dap_id`` was installed.
 
     A DAP at a known place stands there from time 0 and has no installer. Others stand at arm's
-    length before their installer, to either side.
+    length before their installer, to either side. Raises ``ValueError`` for one that its carrier
+    never set down.
     """
     known = scenario.daps[dap_id].position_m
     if known is not None:
         return 0.0, np.array(known), None
     installer_id = dict(scenario.installations)[dap_id]
     walk = simulate_walk(scenario, installer_id, seed)
-    time_s = walk.installed[dap_id]
+    time_s = walk.installed.get(dap_id)
+    if time_s is None:
+        raise ValueError(f"{dap_id} is never set down in the exercise of seed {seed}")
     position_m, heading_rad = walk.body.at(np.array([time_s]))
     side_rad = generator(seed, "installation", dap_id).uniform(-np.pi / 2.0, np.pi / 2.0)
     toward_rad = heading_rad[0] + side_rad

@@ -81,6 +81,20 @@ class Stairs(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return float(np.hypot(*np.subtract(self.head_m, self.foot_m)) / self.steps)
 
 
+class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The middle of a corridor, point by point. Ways meet where one has a point on the other."""
+
+    floor: str
+    through_m: Annotated[tuple[Point, ...], Meta(min_length=2)]
+
+
+class Site(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A place where somebody who comes by would set down a DAP."""
+
+    floor: str
+    place_m: Point
+
+
 class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
     """A building. Floors are listed from the lowest up."""
 
@@ -89,6 +103,8 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
     walls: tuple[Wall, ...] = ()
     rooms: tuple[Room, ...] = ()
     stairs: tuple[Stairs, ...] = ()
+    ways: tuple[Way, ...] = ()
+    sites: tuple[Site, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse floors out of order and whatever stands on a floor that is not there."""
@@ -97,6 +113,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
             raise ValueError("floors: heights must rise from one floor to the next")
         names = {floor.name for floor in self.floors}
         used = [wall.floor for wall in self.walls] + [room.floor for room in self.rooms]
+        used += [way.floor for way in self.ways] + [site.floor for site in self.sites]
         used += [
             name for flight in self.stairs for name in (flight.lower_floor, flight.upper_floor)
         ]
@@ -150,6 +167,16 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
         same_floor = self.floors_of(where_m) == floors[hit]
         return np.bincount(line[same_floor], minlength=len(from_m))
 
+    def doors_m(self, floor: str) -> Array:
+        """Middles (d, 2) of all doors on ``floor``."""
+        middles = [
+            np.add(wall.start_m, door.at_m * _direction(wall))
+            for wall in self.walls
+            if wall.floor == floor
+            for door in wall.doors
+        ]
+        return np.array(middles).reshape(-1, 2)
+
     @property
     def wall_pieces_m(self) -> Array:
         """Both ends (w, 2, 2: north, east) of each stretch of wall between doors, to be drawn."""
@@ -200,6 +227,11 @@ def _load(path: Path) -> Plan:
 
 def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _direction(wall: Wall) -> Array:
+    along = np.subtract(wall.end_m, wall.start_m)
+    return np.asarray(along / np.hypot(*along))
 
 
 def _pieces(wall: Wall) -> list[tuple[Array, Array]]:

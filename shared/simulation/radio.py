@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shared.messages import NodeId
 from shared.simulation.chance import generator
-from shared.simulation.installation import installation_truth
+from shared.simulation.installation import installation_truth, is_set_down
 from shared.simulation.propagation import (
     draw_surroundings,
     probability_heard,
@@ -26,14 +26,17 @@ SCAN_JITTER = 0.1
 
 
 class RadioChannel:
-    """The link between a DAP, from its installation on, and a responder."""
+    """The link between a DAP, from its installation on at ``dap_m`` (3,), and a responder.
+
+    Raises ``ValueError`` for a DAP that is never set down.
+    """
 
     def __init__(self, scenario: Scenario, dap_id: NodeId, responder_id: NodeId, seed: int) -> None:
         radio = scenario.radio
         self._radio = radio
         self._plan = scenario.building
         self._body = simulate_walk(scenario, responder_id, seed).body
-        self._installed_s, self._dap_m, _ = installation_truth(scenario, dap_id, seed)
+        self._installed_s, self.dap_m, _ = installation_truth(scenario, dap_id, seed)
         self._around = draw_surroundings(radio, generator(seed, "surroundings", dap_id))
         worn = generator(seed, "radio of responder", responder_id).normal()
         laid = generator(seed, "radio of DAP", dap_id).normal()
@@ -49,7 +52,7 @@ class RadioChannel:
     def power_dbm(self, body_m: Array, heading_rad: Array) -> Array:
         """Return the power (n,) at the DAP of the responder at ``body_m`` (n, 3), noise apart."""
         return self._offset_db + received_power_dbm(
-            self._radio, self._plan, self._around, self._dap_m, body_m, heading_rad
+            self._radio, self._plan, self._around, self.dap_m, body_m, heading_rad
         )
 
     def scan_times_s(self, until_s: float) -> Array:
@@ -83,7 +86,12 @@ class Scans:
 
 
 def simulate_scans(scenario: Scenario, dap_id: NodeId, seed: int) -> Scans:
-    """Return what ``dap_id`` hears in the exercise of ``seed``, until all responders are done."""
+    """Return what ``dap_id`` hears in the exercise of ``seed``, until all responders are done.
+
+    One that is never set down hears nothing, for it is not switched on.
+    """
+    if not is_set_down(scenario, dap_id, seed):
+        return Scans(np.empty(0), {name: np.empty(0) for name in scenario.responders})
     channels = {
         responder_id: RadioChannel(scenario, dap_id, responder_id, seed)
         for responder_id in scenario.responders

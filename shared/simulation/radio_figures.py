@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from shared.simulation.installation import installation_truth
+from shared.simulation.installation import is_set_down
 from shared.simulation.radio import RadioChannel
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.simulation.walker import simulate_walk
@@ -64,6 +64,7 @@ def range_rows(scenario: Scenario, seeds: range) -> list[RangeRow]:
             _windows(scenario, dap_id, responder_id, seed)
             for seed in seeds
             for dap_id in scenario.daps
+            if is_set_down(scenario, dap_id, seed)
             for responder_id in scenario.responders
         ]
     )
@@ -75,13 +76,12 @@ def _windows(scenario: Scenario, dap_id: str, responder_id: str, seed: int) -> A
     """Return range, speed, RSSI mean and variance, scans and readings of each window (w, 6)."""
     channel = RadioChannel(scenario, dap_id, responder_id, seed)
     body = simulate_walk(scenario, responder_id, seed).body
-    _, dap_m, _ = installation_truth(scenario, dap_id, seed)
     heard_s, rssi_dbm = channel.readings()
     scan_s = channel.scan_times_s(channel.end_s)
     edges_s = np.arange(max(body.time_s[0], scan_s[0]), channel.end_s, WINDOW_S)
     place_m = body.at(edges_s)[0]
     middle_m = body.at(edges_s[:-1] + 0.5 * WINDOW_S)[0]
-    range_m = np.linalg.norm((middle_m - dap_m)[:, :2], axis=1)
+    range_m = np.linalg.norm((middle_m - channel.dap_m)[:, :2], axis=1)
     speed_m_s = np.linalg.norm(np.diff(place_m, axis=0), axis=1) / WINDOW_S
     scans = np.histogram(scan_s, edges_s)[0]
     within = np.split(rssi_dbm, np.searchsorted(heard_s, edges_s))[1:-1]

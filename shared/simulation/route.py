@@ -17,13 +17,14 @@ from shared.simulation.scenario import (
     Climb,
     Gait,
     Habit,
-    Leg,
     Move,
     Person,
+    PlainLeg,
     Ride,
     Scenario,
     Stand,
 )
+from shared.simulation.search import plain_legs
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -72,25 +73,29 @@ class Route(NamedTuple):
 def plan_route(scenario: Scenario, responder_id: NodeId, chance: np.random.Generator) -> Route:
     """Return the footfalls along the responder's legs.
 
-    Raises ``ValueError`` if a leg climbs stairs that the route has not come to.
+    Raises ``ValueError`` if a leg climbs stairs that the route has not come to, or is to go where
+    the building has no way.
     """
     responder = scenario.responders[responder_id]
+    legs = plain_legs(scenario.building, responder, chance)
     planner = _Planner(scenario, _drawn(scenario.person_of(responder_id), chance), chance)
     north_m, east_m, down_m, heading_rad = scenario.start_of(responder_id)
     body_m = np.array([north_m, east_m, down_m])
     here = Footfall("stand", 0.0, _beside(body_m, heading_rad), body_m, heading_rad, 0.0)
     footfalls = [here]
     installs: dict[NodeId, tuple[int, float]] = {}
-    following: list[Leg | None] = [*responder.route[1:], None]
-    for leg, next_leg in zip(responder.route, following, strict=True):
+    following: list[PlainLeg | None] = [*legs[1:], None]
+    for leg, next_leg in zip(legs, following, strict=True):
         here = footfalls[-1]
         if isinstance(leg, Stand):
             if leg.installs is not None:
                 installs[leg.installs] = (len(footfalls) - 1, here.dwell_s + 0.5 * leg.for_s)
-            footfalls[-1] = here._replace(dwell_s=here.dwell_s + leg.for_s)
+            now_s = responder.start_s + sum(fall.stride_s + fall.dwell_s for fall in footfalls)
+            stand_s = max(leg.for_s, leg.until_s - now_s)
+            footfalls[-1] = here._replace(dwell_s=here.dwell_s + stand_s)
         elif isinstance(leg, Move):
             exact = isinstance(next_leg, Climb)
-            jitter_m = responder.route_jitter_m
+            jitter_m = 0.0 if leg.exact else responder.route_jitter_m
             footfalls += planner.move(here, leg, jitter_m, exact_end=exact)
         elif isinstance(leg, Ride):
             footfalls.append(planner.ride(here, leg))

@@ -20,8 +20,10 @@ from shared.messages import NodeId
 from shared.simulation.barometer import BarometerSettings
 from shared.simulation.imu_errors import ImuSettings
 from shared.simulation.magnetic import MagneticSettings
+from shared.simulation.odometry_errors import OdometrySettings, UnitFault
 from shared.simulation.plan import Plan, Point, load_plan, packaged_or_path
 from shared.simulation.propagation import RadioParameters
+from shared.simulation.turning import turned
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 
@@ -32,22 +34,31 @@ Gait: TypeAlias = Literal[
 LevelGait: TypeAlias = Literal["walk", "fast_walk", "side_left", "side_right", "crawl"]
 Seconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e5)]
 Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
+Count: TypeAlias = Annotated[int, Meta(ge=1, le=100)]
 
 STAND_AT_LEAST_S = 3.0
 
 
 class Stand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="stand"):
-    """Stand still for ``for_s``, and if told so set down the DAP ``installs`` meanwhile."""
+    """Stand still for ``for_s``, and if told so set down the DAP ``installs`` meanwhile.
+
+    With ``until_s``, a time of the exercise, one stands on until then.
+    """
 
     for_s: Seconds
     installs: NodeId | None = None
+    until_s: Seconds = 0.0
 
 
 class Move(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="move"):
-    """Go on level ground through each point of ``to_m`` to the last, in one gait."""
+    """Go on level ground through each point of ``to_m`` to the last, in one gait.
+
+    If ``exact``, as through a door, chance moves none of them.
+    """
 
     gait: LevelGait
     to_m: Annotated[tuple[Point, ...], Meta(min_length=1)]
+    exact: bool = False
 
 
 class Climb(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="climb"):
@@ -64,7 +75,39 @@ class Ride(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="d
     acceleration_m_s2: Annotated[float, Meta(gt=0.1, le=3.0)] = 1.0
 
 
-Leg: TypeAlias = Stand | Move | Climb | Ride
+class Go(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="go"):
+    """Go by the plan's ways, and its stairs, to near ``to_m`` of a floor, and then straight there.
+
+    Without ``floor`` it is the one that one is on.
+    """
+
+    to_m: Point
+    floor: str | None = None
+    gait: LevelGait = "walk"
+
+
+class Search(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="search"):
+    """Search rooms drawn by chance, as many as ``rooms`` bounds, on ``floors`` (all, if none).
+
+    Between them one goes by the plan's ways in ``way_gait``. In each one follows the walls, or
+    wanders through as many points as ``points`` bounds, in ``gait``, and stands at the door within
+    the bounds of ``stand_s``. After a share of ``detours`` of them one first goes to a turn of the
+    ways drawn by chance; with the probability ``returns`` one goes back at last to where one began.
+    """
+
+    rooms: tuple[Count, Count] = (4, 6)
+    floors: tuple[str, ...] = ()
+    gait: LevelGait = "walk"
+    way_gait: LevelGait = "walk"
+    pattern: Literal["wall", "wander"] = "wall"
+    points: tuple[Count, Count] = (4, 8)
+    stand_s: tuple[Seconds, Seconds] = (0.0, 6.0)
+    detours: Share = 0.35
+    returns: Share = 0.5
+
+
+PlainLeg: TypeAlias = Stand | Move | Climb | Ride
+Leg: TypeAlias = Stand | Move | Climb | Ride | Go | Search
 
 
 class Habit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -106,6 +149,9 @@ class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Chance moves each point of the route by ``route_jitter_m`` (standard deviation), save where
     stairs follow. A route begins and ends standing, for a sensor needs stillness to start from.
+    ``carries`` are DAPs that they set down as they come by the plan's sites where none stands yet,
+    or in rooms that they search. ``heading_sd_deg`` is how well their unit knows its heading at
+    first; 180 is not at all.
     """
 
     start_m: Point
@@ -115,6 +161,9 @@ class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     floor: str = "ground"
     start_s: Seconds = 0.0
     person: str = "average"
+    carries: tuple[NodeId, ...] = ()
+    sets_down: Literal["at_sites", "in_rooms"] = "at_sites"
+    heading_sd_deg: Annotated[float, Meta(ge=0.0, le=180.0)] = 30.0
 
     def __post_init__(self) -> None:
         """Refuse a route that does not begin and end standing."""
@@ -123,28 +172,69 @@ class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"route: let it {where} with a stand of {STAND_AT_LEAST_S} s")
 
 
+class Team(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Responders who do alike: each of ``members`` as ``every`` says, one after another.
+
+    They go in ``stagger_s`` apart and carry ``daps_each`` DAPs, called after them: r1-1, r1-2. The
+    unit of the first knows its heading to ``leader_heading_sd_deg``, where that is given.
+    """
+
+    members: Annotated[tuple[NodeId, ...], Meta(min_length=1)]
+    every: Responder
+    stagger_s: Seconds = 0.0
+    daps_each: Annotated[int, Meta(ge=0, le=20)] = 0
+    leader_heading_sd_deg: Annotated[float, Meta(ge=0.0, le=180.0)] | None = None
+
+    def responders(self) -> dict[NodeId, Responder]:
+        """Return the members by id."""
+        told = {}
+        for place, member in enumerate(self.members):
+            known = self.leader_heading_sd_deg if place == 0 else None
+            told[member] = msgspec.structs.replace(
+                self.every,
+                start_s=self.every.start_s + place * self.stagger_s,
+                carries=tuple(f"{member}-{number}" for number in range(1, self.daps_each + 1)),
+                heading_sd_deg=self.every.heading_sd_deg if known is None else known,
+            )
+        return told
+
+
 class Dap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A DAP at ``position_m`` (north, east, down) from the start; without, a leg installs it."""
 
     position_m: tuple[float, float, float] | None = None
 
 
-class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
-    """An exercise, but for its chance: that comes from a seed."""
+class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True, eq=False):
+    """An exercise, but for its chance: that comes from a seed.
+
+    ``teams`` are among the responders once it is loaded. With ``turned_deg`` the whole of it, the
+    building included, lies turned clockwise about the origin. A scenario equals only itself, so
+    that what is worked out of it can be kept.
+    """
 
     description: str
     plan: str
-    responders: Annotated[dict[NodeId, Responder], Meta(min_length=1)]
+    responders: dict[NodeId, Responder] = {}
+    teams: dict[str, Team] = {}
+    turned_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
     daps: dict[NodeId, Dap] = {}
     people: dict[str, Person] = {}
     imu: ImuSettings = ImuSettings()
     magnetic: MagneticSettings = MagneticSettings()
     barometer: BarometerSettings | None = None
     radio: RadioParameters = RadioParameters()
+    odometry: OdometrySettings = OdometrySettings()
+    faults: dict[NodeId, UnitFault] = {}
     taped_m: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
 
     def __post_init__(self) -> None:
         """Refuse DAPs that nobody or more than one installs, and people who are not described."""
+        if not self.responders and not self.teams:
+            raise ValueError("responders: nobody goes in; describe one, or a team")
+        for responder_id in self.faults:
+            if responder_id not in self.everybody:
+                raise ValueError(f"faults.{responder_id}: nobody is called so")
         installed = [dap_id for dap_id, _ in self.installations]
         for dap_id, dap in self.daps.items():
             ways = installed.count(dap_id) + (dap.position_m is not None)
@@ -163,18 +253,27 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
 
     @property
     def installations(self) -> list[tuple[NodeId, NodeId]]:
-        """Which DAP is installed by which responder, in the order of the file."""
-        return [
-            (leg.installs, responder_id)
-            for responder_id, responder in self.responders.items()
-            for leg in responder.route
-            if isinstance(leg, Stand) and leg.installs is not None
-        ]
+        """Which DAP is installed by which responder, in the order of the file.
+
+        Of those that somebody carries it depends on chance whether they are set down at all.
+        """
+        told: list[tuple[NodeId, NodeId]] = []
+        for responder_id, responder in self.responders.items():
+            legs = [leg for leg in responder.route if isinstance(leg, Stand)]
+            told += [(leg.installs, responder_id) for leg in legs if leg.installs is not None]
+            told += [(dap_id, responder_id) for dap_id in responder.carries]
+        return told
+
+    @property
+    def everybody(self) -> list[NodeId]:
+        """All who go in, alone or in teams."""
+        return [*self.responders, *(one for team in self.teams.values() for one in team.members)]
 
     @cached_property
     def building(self) -> Plan:
-        """The plan, loaded."""
-        return load_plan(self.plan)
+        """The plan, loaded, as it lies."""
+        plan = load_plan(self.plan)
+        return turned(plan, Plan, self.turned_deg) if self.turned_deg else plan
 
     def person_of(self, responder_id: NodeId) -> Person:
         """How the responder moves."""
@@ -199,9 +298,45 @@ def load_scenario(name_or_path: str) -> Scenario:
     scenario = load_toml(path, Scenario)
     if scenario.plan.endswith(".toml"):
         scenario = msgspec.structs.replace(scenario, plan=str(path.parent / scenario.plan))
+    scenario = _as_it_lies(_with_teams(scenario))
     for complaint in _out_of_place(scenario):
         raise ConfigError(f"{path}: {complaint}")
     return scenario
+
+
+def _with_teams(scenario: Scenario) -> Scenario:
+    """Return the scenario with all teams among its responders, and what they carry among its DAPs.
+
+    Raises ``ConfigError`` for two who are called alike.
+    """
+    everybody = scenario.everybody
+    for name in everybody:
+        if everybody.count(name) > 1:
+            raise ConfigError(f"{name!r} is there more than once among responders and teams")
+    responders = dict(scenario.responders)
+    for team in scenario.teams.values():
+        responders |= team.responders()
+    carried = {dap_id: Dap() for each in responders.values() for dap_id in each.carries}
+    return msgspec.structs.replace(
+        scenario, responders=responders, teams={}, daps=scenario.daps | carried
+    )
+
+
+def _as_it_lies(scenario: Scenario) -> Scenario:
+    """Return the scenario with all that it says of places turned by ``turned_deg``."""
+    if not scenario.turned_deg:
+        return scenario
+    turn_deg = scenario.turned_deg
+    return msgspec.structs.replace(
+        scenario,
+        responders={
+            name: msgspec.structs.replace(
+                turned(each, Responder, turn_deg), heading_deg=each.heading_deg + turn_deg
+            )
+            for name, each in scenario.responders.items()
+        },
+        daps={name: turned(dap, Dap, turn_deg) for name, dap in scenario.daps.items()},
+    )
 
 
 def _out_of_place(scenario: Scenario) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -10,17 +11,18 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from shared.messages import NodeId
-from shared.simulation.chance import generator
 from shared.simulation.foot_path import FootPath, rise_share
 from shared.simulation.gaits import StrideShape
-from shared.simulation.route import Footfall, plan_route
+from shared.simulation.route import Footfall
 from shared.simulation.scenario import Gait, Scenario
 from shared.simulation.sole import Sole
+from shared.simulation.team_routes import route_of, stance_times_s
 from shared.simulation.variation import unrest, varied_shapes
 
 Array: TypeAlias = NDArray[np.float64]
 
 BODY_RATE_HZ = 20.0
+WALKS_KEPT = 32
 SENSOR_PLACE_M = (0.055, 0.14, 0.08)
 SENSOR_PLACE_SPREAD_M = (0.006, 0.01, 0.01)
 """The sensor above the sole, ahead of the heel, behind the ball: mean, standard deviation."""
@@ -50,17 +52,37 @@ class BodyTrack:
 class Walk:
     """A responder's true motion, between entering and leaving the exercise.
 
-    ``foot`` is the pose of the sensor on the boot. Of the boot's stances, ``stance_time_s`` (k,)
-    is the middle and ``stance_position_m`` (k, 3) the sensor's place then (NED); ``gaits`` (k - 1)
-    tells how each next one was reached. ``installed`` has when each DAP was set down.
+    The boot stands from ``reached_s`` to ``left_s`` (k,) at each of ``footfalls``; ``gaits``
+    (k - 1) tells how each next one was reached. ``installed`` has when each DAP was set down.
+    ``chance`` is what the boot's own motion is drawn from, once that is asked for.
     """
 
     body: BodyTrack
-    foot: FootPath
-    stance_time_s: Array
-    stance_position_m: Array
-    gaits: tuple[Gait, ...]
+    footfalls: list[Footfall]
+    reached_s: Array
+    left_s: Array
     installed: dict[NodeId, float]
+    chance: np.random.Generator
+
+    @property
+    def gaits(self) -> tuple[Gait, ...]:
+        """How each stance but the first was reached."""
+        return tuple(fall.gait for fall in self.footfalls[1:])
+
+    @cached_property
+    def foot(self) -> FootPath:
+        """The pose of the sensor on the boot."""
+        return _foot_path(self.footfalls, self.reached_s, self.left_s, self.chance)
+
+    @property
+    def stance_time_s(self) -> Array:
+        """Middles of the boot's stances (k,)."""
+        return np.asarray(0.5 * (self.reached_s + self.left_s))
+
+    @cached_property
+    def stance_position_m(self) -> Array:
+        """The sensor's place (k, 3) in the middle of each stance, NED."""
+        return self.foot.pose(self.stance_time_s)[0]
 
     @property
     def stride_m(self) -> Array:
@@ -68,31 +90,25 @@ class Walk:
         return np.asarray(np.linalg.norm(np.diff(self.stance_position_m, axis=0), axis=1))
 
 
+@lru_cache(maxsize=WALKS_KEPT)
 def simulate_walk(scenario: Scenario, responder_id: NodeId, seed: int) -> Walk:
     """Return how ``responder_id`` moves in the exercise of ``seed``.
 
-    Raises ``ValueError`` if the route climbs stairs that it has not come to.
+    Raises ``ValueError`` if the route climbs stairs that it has not come to, or is to go where the
+    building has no way.
     """
-    chance = generator(seed, "walk", responder_id)
-    route = plan_route(scenario, responder_id, chance)
+    route, chance = route_of(scenario, responder_id, seed)
     falls = route.footfalls
-    took_s = np.array([fall.stride_s for fall in falls])
-    dwell_s = np.array([fall.dwell_s for fall in falls])
-    reached_s = scenario.responders[responder_id].start_s + np.cumsum(took_s)
-    reached_s[1:] += np.cumsum(dwell_s)[:-1]
-    left_s = reached_s + dwell_s
-    foot = _foot_path(falls, reached_s, left_s, chance)
-    stance_time_s = 0.5 * (reached_s + left_s)
-    position_m, _ = foot.pose(stance_time_s)
+    reached_s, left_s = stance_times_s(falls, scenario.responders[responder_id].start_s)
     return Walk(
         body=_body_track(falls, reached_s, left_s),
-        foot=foot,
-        stance_time_s=stance_time_s,
-        stance_position_m=position_m,
-        gaits=tuple(fall.gait for fall in falls[1:]),
+        footfalls=falls,
+        reached_s=reached_s,
+        left_s=left_s,
         installed={
             dap: float(reached_s[k] + after_s) for dap, (k, after_s) in route.installs.items()
         },
+        chance=chance,
     )
 
 

@@ -160,3 +160,16 @@ def test_without_an_event_there_is_no_distance() -> None:
     told = score([LinkTrial(np.array([]), np.array([]), 1, 0, NO_PEAKS)])
     assert (told.events, told.passes) == (0, 1)
     assert np.isnan(told.p50_m)
+
+
+def test_readings_are_left_out_of_the_log_where_nobody_wants_them(
+    scenario: Scenario, tmp_path: Path
+) -> None:
+    rehearse_dap(scenario, "dap2", SEED, tmp_path / "all")
+    rehearse_dap(scenario, "dap2", SEED, tmp_path / "few", sends_rssi=False)
+    everything, few = (
+        [(frame.time_ns, frame.key, frame.payload) for frame in read_wire_log(path / "dap2.wire")]
+        for path in (tmp_path / "all", tmp_path / "few")
+    )
+    assert few == [frame for frame in everything if not frame[1].endswith("/rssi")]
+    assert len(few) < len(everything)

@@ -1,0 +1,121 @@
+"""A rehearsal at the level of strides: what an agent would say, with no sensor simulated."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from shared.bus.wire_log import WireLogBus
+from shared.clock import ManualClock
+from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
+from shared.messages import Activity, Message, NodeId, OdometryIncrement, TrackStart, Truth
+from shared.sender import Sender
+from shared.simulation.odometry import Stride, UnitStart, simulate_odometry
+from shared.simulation.odometry_errors import UnitFault
+from shared.simulation.scenario import Gait, Scenario
+from shared.simulation.walker import simulate_walk
+from shared.topics import TOPICS
+from shared.units import NS_PER_S
+
+METHOD = "strides"
+
+ACTIVITIES: dict[Gait, Activity] = {
+    "stand": "stand",
+    "walk": "walk",
+    "fast_walk": "fast",
+    "side_left": "side_step",
+    "side_right": "side_step",
+    "crawl": "crawl",
+    "stairs_up": "stairs_up",
+    "stairs_down": "stairs_down",
+}
+
+
+class _Saying(NamedTuple):
+    """Something to publish at ``time_s`` of the exercise; what is said first comes first."""
+
+    time_s: float
+    rank: int
+    said: UnitStart | Stride | tuple[float, float, float]
+
+
+def rehearse_strides(scenario: Scenario, responder_id: NodeId, seed: int, folder: Path) -> None:
+    """Write the wire log of ``responder_id`` in the exercise of ``seed`` to ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    clock = ManualClock(REHEARSAL_START_NS)
+    ahead_s = scenario.faults.get(responder_id, UnitFault()).clock_ahead_s
+    with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
+        sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
+        for saying in _sayings(scenario, responder_id, seed):
+            clock.set_ns(_time_ns(saying.time_s))
+            sender.send(_message(saying, sender, ahead_s))
+
+
+def _sayings(scenario: Scenario, responder_id: NodeId, seed: int) -> Iterator[_Saying]:
+    body = simulate_walk(scenario, responder_id, seed).body
+    period_s = 1.0 / TOPICS["truth"].rate_hz
+    time_s = np.arange(body.time_s[0], body.time_s[-1], period_s)
+    position_m, _ = body.at(time_s)
+    truths = [
+        _Saying(at_s, 0, (north_m, east_m, down_m))
+        for at_s, (north_m, east_m, down_m) in zip(
+            time_s.tolist(), position_m.tolist(), strict=True
+        )
+    ]
+    told = [
+        _Saying(each.time_s if isinstance(each, UnitStart) else each.end_s, 1, each)
+        for each in simulate_odometry(scenario, responder_id, seed)
+    ]
+    return heapq.merge(truths, told, key=lambda saying: saying[:2])
+
+
+def _message(saying: _Saying, sender: Sender, ahead_s: float) -> Message:
+    """Return what is said as a message; a unit whose clock is wrong gives wrong times."""
+    said = saying.said
+    event_ns = _time_ns(saying.time_s + ahead_s)
+    match said:
+        case UnitStart():
+            return TrackStart(
+                event_time_ns=event_ns,
+                sequence=sender.next_sequence(TrackStart),
+                position=said.position,
+                heading_sd_rad=said.heading_sd_rad,
+                mount="boot",
+                method=METHOD,
+            )
+        case Stride():
+            return _increment(said, event_ns, _time_ns(said.start_s + ahead_s), sender)
+    north_m, east_m, down_m = said
+    return Truth(
+        event_time_ns=_time_ns(saying.time_s),
+        sequence=sender.next_sequence(Truth),
+        north_m=north_m,
+        east_m=east_m,
+        down_m=down_m,
+    )
+
+
+def _increment(stride: Stride, end_ns: int, start_ns: int, sender: Sender) -> OdometryIncrement:
+    d_north_m, d_east_m, d_down_m = stride.displacement_m
+    return OdometryIncrement(
+        event_time_ns=end_ns,
+        sequence=sender.next_sequence(OdometryIncrement),
+        start_time_ns=start_ns,
+        d_north_m=d_north_m,
+        d_east_m=d_east_m,
+        d_down_m=d_down_m,
+        d_heading_rad=stride.d_heading_rad,
+        heading_rad=stride.heading_rad,
+        covariance=stride.covariance,
+        mount="boot",
+        activity=ACTIVITIES[stride.gait],
+        activity_confidence=1.0,
+    )
+
+
+def _time_ns(time_s: float) -> int:
+    return REHEARSAL_START_NS + round(time_s * NS_PER_S)

@@ -1,0 +1,60 @@
+"""How wrong a unit's strides are, told as such: for exercises in which no sensor is simulated.
+
+Settings give the spread over people and units; the fusion that has to live with it is told none
+of them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+Spread: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e3)]
+Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
+Degrees: TypeAlias = Annotated[float, Meta(ge=0.0, le=180.0)]
+
+
+class OdometrySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Errors of strides, standard deviations, and what units say of them.
+
+    ``scale`` is a person's, for all of their strides. The heading drifts by ``rate_bias_deg_s``,
+    which wanders by ``rate_walk_deg_s`` in a second; each stride adds ``heading_deg``, and one in
+    ``strides_a_jump`` one of ``jump_deg``. A stride is off by ``place_m`` + ``place_per_m`` × its
+    length north and east, and ``height_m`` down; heights drift by ``climb_bias_m`` a stride. A
+    share of ``missed`` goes unnoticed, with a jump of the heading. Starts are off by
+    ``start_m`` each way.
+
+    ``told_*`` is what units publish as standard deviations of a stride.
+    """
+
+    scale: Spread = 0.02
+    rate_bias_deg_s: Spread = 0.05
+    rate_walk_deg_s: Spread = 0.004
+    heading_deg: Degrees = 0.5
+    strides_a_jump: Annotated[float, Meta(ge=1.0, le=1e9)] = 75.0
+    jump_deg: Degrees = 6.0
+    missed: Share = 0.004
+    place_m: Spread = 0.03
+    place_per_m: Spread = 0.02
+    height_m: Spread = 0.015
+    climb_bias_m: Spread = 0.002
+    start_m: Spread = 0.3
+    told_heading_deg: Degrees = 0.35
+    told_place_m: Spread = 0.02
+    told_place_per_m: Spread = 0.02
+    told_height_m: Spread = 0.02
+
+
+class UnitFault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is wrong with one responder's unit.
+
+    It starts anew at each of ``restarts_s`` (seconds of the exercise), knowing neither where it is
+    nor how it heads; its strides come out longer by the factor ``scale``; its clock is ahead by
+    ``clock_ahead_s``.
+    """
+
+    restarts_s: tuple[Annotated[float, Meta(ge=0.0, le=1e5)], ...] = ()
+    scale: Annotated[float, Meta(gt=0.1, le=10.0)] = 1.0
+    clock_ahead_s: Annotated[float, Meta(ge=-3600.0, le=3600.0)] = 0.0
