@@ -32,6 +32,8 @@ ACTIVITIES: dict[Gait, Activity] = {
     "crawl": "crawl",
     "stairs_up": "stairs_up",
     "stairs_down": "stairs_down",
+    "ladder": "ladder",
+    "lift": "lift",
 }
 
 
