@@ -1,0 +1,186 @@
+"""What the kernels mean, in plain numpy and double precision: slow, and for tests to compare with.
+
+A plain cloud is an array (6, n), rows north and east (m of the cloud's origin), heading offset φ,
+its drift, log-scale and log-weight. Steps, ties and mixtures are the kernels' own rows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from command_post.fusion.cloud.chance import Key
+from command_post.fusion.cloud.layout import (
+    BLOCK,
+    COMPONENT_MEAN,
+    COMPONENT_ROOT,
+    COMPONENT_TURNED,
+    COMPONENT_WEIGHT,
+    DRIFT_WALK,
+    FIELDS,
+    JUMP_BELOW,
+    LANES,
+    MISSED_FROM,
+    MOVE_EAST,
+    MOVE_NORTH,
+    MOVE_S,
+    ROOT_EE,
+    ROOT_EN,
+    ROOT_HE,
+    ROOT_HH,
+    ROOT_HN,
+    ROOT_JUMP,
+    ROOT_NN,
+    SINCE_EAST,
+    SINCE_NORTH,
+    TIE_AREA,
+    TIE_EAST,
+    TIE_EE,
+    TIE_EXPONENT,
+    TIE_NE,
+    TIE_NN,
+    TIE_NORTH,
+    Lanes,
+)
+
+Floats: TypeAlias = NDArray[np.float64]
+Words: TypeAlias = NDArray[np.uint32]
+
+NORTH, EAST, OFFSET, DRIFT, LOG_SCALE, LOG_WEIGHT = range(6)
+
+
+class PlainMoments(NamedTuple):
+    """Mean place, covariance (nn, ne, ee), circular mean and deviation of φ, 1 / Σw²."""
+
+    place_m: tuple[float, float]
+    covariance_m2: tuple[float, float, float]
+    offset_rad: float
+    offset_sd_rad: float
+    effective_count: float
+
+
+def plain_cloud(lanes: Lanes) -> Floats:
+    """Return a cloud's six states, one row each."""
+    fields = lanes.reshape(-1, FIELDS, LANES)[:, :6]
+    return fields.transpose(1, 0, 2).reshape(6, lanes.size // BLOCK * LANES).astype(np.float64)
+
+
+def words_of(counters: Words, key: Key) -> Words:
+    """Return the random words of ``counters`` under a key."""
+    fifteen, sixteen = np.uint32(15), np.uint32(16)
+    x = counters + np.uint32(key.low)
+    x = (x ^ (x >> sixteen)) * np.uint32(0x21F0AAAD) ^ np.uint32(key.high)
+    x = (x ^ (x >> fifteen)) * np.uint32(0xD35A2D97)
+    return x ^ (x >> fifteen)
+
+
+def normal_of(words: Words) -> Floats:
+    """Return the standard normal numbers of random words: the sum of their bytes, with tails."""
+    x: Floats = words.view(np.uint8).reshape(-1, 4).sum(axis=1) - 510.0
+    return 6.42104061e-3 * x + 5.77395428e-9 * x**3
+
+
+def spawn_plain(count: int, components: Lanes, key: Key) -> Floats:
+    """Draw from a mixture, each component its share give or take one particle."""
+    numbers = np.arange(count, dtype=np.uint32)
+    first = (words_of(np.array([0xFFFFFFFF], np.uint32), key)[0] >> 8) / 2**24
+    marks = (numbers + first) / count
+    bounds = components[:, COMPONENT_WEIGHT]
+    chosen = np.minimum(np.searchsorted(bounds, marks, side="right"), len(components) - 1)
+    normal = np.stack([normal_of(words_of(8 * numbers + np.uint32(j), key)) for j in range(5)])
+    roots = np.zeros((len(components), 5, 5))
+    roots[:, *np.tril_indices(5)] = components[:, COMPONENT_ROOT : COMPONENT_ROOT + 15]
+    means = components[:, COMPONENT_MEAN : COMPONENT_MEAN + 5].astype(np.float64)
+    state = means[chosen].T + np.einsum("nij,jn->in", roots[chosen], normal)
+    anywhere = (words_of(8 * numbers + np.uint32(5), key) >> 8) / 2**24 * 2.0 * math.pi - math.pi
+    offset = np.where(components[chosen, COMPONENT_TURNED] > 0.0, anywhere, _wrap(state[2]))
+    log_weight = np.full(count, -math.log(count))
+    return np.stack([state[0], state[1], offset, state[4], state[3], log_weight])
+
+
+def move_plain(cloud: Floats, step: Lanes, key: Key) -> Floats:
+    """Move every particle by its own reading of a step."""
+    counters = 4 * np.arange(cloud.shape[1], dtype=np.uint32)
+    words = [words_of(counters + np.uint32(k), key) for k in range(4)]
+    to_north, to_east, to_heading = (normal_of(word) for word in words[:3])
+    to_drift = ((words[3] >> 16) - 32767.5) * math.sqrt(12.0) / 65536
+    happening = words[3] & 0xFFFF
+    strides = np.where(happening >= step[MISSED_FROM], 2.0, 1.0)
+    own = np.where(happening < step[JUMP_BELOW], step[ROOT_JUMP], step[ROOT_HH])
+    north = strides * step[MOVE_NORTH] + step[ROOT_NN] * to_north
+    east = strides * step[MOVE_EAST] + step[ROOT_EN] * to_north + step[ROOT_EE] * to_east
+    turned = step[ROOT_HN] * to_north + step[ROOT_HE] * to_east + own * to_heading
+    moved = cloud.copy()
+    moved[:2] += _led(cloud, north, east)
+    moved[DRIFT] += step[DRIFT_WALK] * to_drift
+    moved[OFFSET] = _wrap(cloud[OFFSET] + moved[DRIFT] * step[MOVE_S] + turned)
+    return moved
+
+
+def tie_plain(cloud: Floats, ties: Lanes) -> tuple[Floats, float]:
+    """Weigh by Student's t about each place; return the cloud and the log-evidence."""
+    log_weight = cloud[LOG_WEIGHT].copy()
+    for tie in ties.astype(np.float64):
+        since = _led(cloud, tie[SINCE_NORTH], tie[SINCE_EAST])
+        u, v = cloud[:2] - since - tie[[TIE_NORTH, TIE_EAST], None]
+        distance = tie[TIE_NN] * u * u + tie[TIE_NE] * u * v + tie[TIE_EE] * v * v
+        log_weight += tie[TIE_EXPONENT] * np.log1p(distance) - math.log(tie[TIE_AREA])
+    evidence = float(np.logaddexp.reduce(log_weight))
+    return np.vstack([cloud[:LOG_WEIGHT], log_weight - evidence]), evidence
+
+
+def source_plain(cloud: Floats, key: Key) -> NDArray[np.intp]:
+    """Return which particle each new one copies, drawn systematically (Kitagawa 1996, appendix)."""
+    word = words_of(np.array([0xFFFFFFFF], np.uint32), Key(key.low ^ 0x9E3779B9, key.high))[0]
+    shares: Floats = np.floor(np.exp(cloud[LOG_WEIGHT]) * 2.0**30)
+    count = shares.size
+    spacing = float(shares.sum()) // count
+    marks = float(word) * spacing // 2**32 + spacing * np.arange(count)
+    return np.searchsorted(np.add.accumulate(shares), marks, side="left")
+
+
+def loosen_plain(drawn: Floats, kept: float, key: Key) -> Floats:
+    """Weigh all alike, and scatter drift and log-scale about their mean, whose variance stays."""
+    loosened = drawn.copy()
+    count = drawn.shape[1]
+    counters = 2 * np.arange(count, dtype=np.uint32)
+    for k, row in enumerate((DRIFT, LOG_SCALE)):
+        normal = normal_of(words_of(counters + np.uint32(k), Key(key.low ^ 0x9E3779B9, key.high)))
+        mean, sd = drawn[row].mean(), drawn[row].std()
+        scattered = kept * drawn[row] + (1.0 - kept) * mean
+        loosened[row] = scattered + math.sqrt(1.0 - kept * kept) * sd * normal
+    loosened[LOG_WEIGHT] = -math.log(count)
+    return loosened
+
+
+def moments_plain(cloud: Floats) -> PlainMoments:
+    """Sum a cloud up; its weights sum to one."""
+    weights = np.exp(cloud[LOG_WEIGHT])
+    north, east = cloud[:2] @ weights
+    u, v = cloud[NORTH] - north, cloud[EAST] - east
+    direction = complex((weights * np.exp(1j * cloud[OFFSET])).sum())
+    return PlainMoments(
+        place_m=(float(north), float(east)),
+        covariance_m2=(
+            float(weights @ (u * u)),
+            float(weights @ (u * v)),
+            float(weights @ (v * v)),
+        ),
+        offset_rad=math.atan2(direction.imag, direction.real),
+        offset_sd_rad=math.sqrt(-2.0 * math.log(min(abs(direction), 1.0))),
+        effective_count=float(1.0 / (weights @ weights)),
+    )
+
+
+def _led(cloud: Floats, north: Floats | float, east: Floats | float) -> Floats:
+    """Return (2, n): where a displacement in the agent's frame leads each particle."""
+    scale = np.exp(cloud[LOG_SCALE])
+    cosine, sine = scale * np.cos(cloud[OFFSET]), scale * np.sin(cloud[OFFSET])
+    return np.stack([cosine * north - sine * east, sine * north + cosine * east])
+
+
+def _wrap(angle_rad: Floats) -> Floats:
+    return np.remainder(angle_rad + math.pi, 2.0 * math.pi) - math.pi
