@@ -24,7 +24,9 @@ from shared.topics import alive_key, all_alive_of, finished_key
 INCIDENT = "demo"
 POST_ID = "post"
 LAUNCHER_ID = "launcher"
-PREPARATION = "prepare"
+PREPARATION = "agents.prepare"
+"""A name that no node can have."""
+
 PREPARED_SOON_S = 3.0
 READY_TIMEOUT_S = 90.0
 POLL_S = 0.1

@@ -18,6 +18,7 @@ from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
 from command_post.fusion.track import Estimate
 from command_post.fusion.tracker import Tracker
+from command_post.senders import Senders
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
     Alarm,
@@ -33,6 +34,7 @@ from shared.messages import (
     TrackStart,
 )
 from shared.topics import TOPICS, Key, Role, check_id
+from shared.units import NS_PER_S
 
 MOST_NODES = 1024
 MOST_KEYS_KNOWN = 16_384
@@ -92,7 +94,7 @@ class LastMovement(NamedTuple):
 
 
 class Notice(NamedTuple):
-    """A kind of refusal, when a node's input is refused for it the first time."""
+    """What is to be told once of a node: a kind of refusal, or what is wrong with it."""
 
     reason: str
     node_id: str
@@ -103,8 +105,11 @@ class Incident:
     """Decodes what is heard, orders it, fuses it, and says what comes of it.
 
     ``refusals`` counts what was not taken, per (reason, node): bytes that are no message, keys
-    that are not ours, another incident's keys (``foreign_incident``), and nodes beyond the first
-    1024 (``too_many_nodes``). A key so malformed that it names no node counts under ``?``.
+    that are not ours, another incident's keys (``foreign_incident``), what somebody else says
+    under this post's keys (``not_the_post``), and nodes beyond the first 1024
+    (``too_many_nodes``). A key so malformed that it names no node counts under ``?``.
+
+    What a node with a wrong clock says is put on the post's time line (see ``Senders``).
     """
 
     def __init__(self, settings: IncidentSettings) -> None:
@@ -116,6 +121,14 @@ class Incident:
         self._alarms: dict[str, dict[AlarmKind, RaisedAlarm]] = {}
         self._health: dict[str, NodeHealth] = {}
         self._movements: dict[str, LastMovement] = {}
+        self._senders = Senders(round(settings.time_line.hold_s * NS_PER_S))
+        self._undated: dict[str, Event] = {}
+        """Installations that may be old, of DAPs whose clock is not known yet."""
+
+        self._said_installed: dict[str, tuple[int, int]] = {}
+        """When each DAP was installed, on the post's clock and on its own."""
+
+        self._moved_in_time = 0
         self._time_line = TimeLine(settings.time_line)
         self._tracker = Tracker(settings.fusion)
         self._sequences: Counter[str] = Counter()
@@ -152,11 +165,20 @@ class Incident:
 
     @property
     def counts(self) -> Counter[str]:
-        """What was dropped, late, guessed or without effect; see ``TimeLine`` and ``Tracker``."""
-        return self._time_line.counts + self._tracker.counts
+        """What was dropped, late, guessed or without effect; see ``TimeLine`` and ``Tracker``.
+
+        ``moved_in_time`` are the events of nodes with wrong clocks, ``begun_anew`` the times that
+        the numbers under a key began anew.
+        """
+        own = Counter(moved_in_time=self._moved_in_time, begun_anew=self._senders.begun_anew)
+        return self._time_line.counts + self._tracker.counts + own
+
+    def faults(self, role: Role, node_id: str, now_ns: int) -> list[str]:
+        """Return what is wrong with a node's clock or id at ``now_ns``, in words."""
+        return self._senders.faults(role, node_id, now_ns)
 
     def take_notices(self) -> list[Notice]:
-        """Return the kinds of refusal seen for the first time since this was last asked."""
+        """Return what is to be told for the first time since this was last asked."""
         taken, self._notices = self._notices, []
         return taken
 
@@ -171,12 +193,16 @@ class Incident:
             self._refuse(parsed.reason, _node_of(key), parsed.detail)
         elif parsed.role != "post":
             self._take(parsed, payload, now_ns)
+        elif parsed[:3] == (self.settings.incident, "post", self.settings.post_id):
+            self._refuse("not_the_post", parsed.node_id, "somebody else uses this post's keys")
         elif isinstance(refusal := decode(parsed, payload), Refusal):
             self._refuse(refusal.reason, parsed.node_id, refusal.detail)
         return self._fuse(self._time_line.release(now_ns))
 
-    def finish(self, now_ns: int) -> list[Outgoing]:  # noqa: ARG002
+    def finish(self, now_ns: int) -> list[Outgoing]:
         """Release everything that is held back; return what is to be published."""
+        for dap_id in tuple(self._undated):
+            self._put(self._undated.pop(dap_id), now_ns)
         return self._fuse(self._time_line.release_all())
 
     def _parsed(self, key_text: str) -> Key | Refusal:
@@ -202,9 +228,39 @@ class Incident:
             self._refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
         else:
             self._heard_ns[node] = now_ns
+            for found in self._senders.hear(key, message, now_ns):
+                self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
             self._keep(key.node_id, message, now_ns)
-            if key.topic in _FUSED:
-                self._time_line.put(Event(key, message), now_ns)
+            self._order(key, message, now_ns)
+
+    def _order(self, key: Key, message: Message, now_ns: int) -> None:
+        """Put what is to be fused on the time line, once it is known how to date it."""
+        dated = self._senders.knows_clock(key.role, key.node_id)
+        if dated and key.role == "dap" and key.node_id in self._undated:
+            self._put(self._undated.pop(key.node_id), now_ns)
+        if key.topic not in _FUSED:
+            return
+        event = Event(key, message, message.event_time_ns)
+        asks_where = isinstance(message, DapInstallation) and message.position is None
+        if asks_where and not dated and self._senders.seems_old(message, now_ns):
+            self._undated[key.node_id] = event
+        else:
+            self._put(event, now_ns)
+
+    def _put(self, event: Event, now_ns: int) -> None:
+        key, message, said_ns = event
+        time_ns = self._senders.time_ns(key.role, key.node_id, said_ns)
+        self._moved_in_time += time_ns != said_ns
+        if isinstance(message, DapInstallation):
+            time_ns = self._installed_ns(key.node_id, time_ns, said_ns)
+        self._time_line.put(event._replace(time_ns=time_ns), now_ns)
+
+    def _installed_ns(self, dap_id: str, time_ns: int, said_ns: int) -> int:
+        """Return ``time_ns``, or what it was when the DAP said the same of itself before."""
+        known = self._said_installed.get(dap_id)
+        if known is None or known[1] != said_ns:
+            known = self._said_installed[dap_id] = (time_ns, said_ns)
+        return known[0]
 
     def _keep(self, node_id: str, message: Message, now_ns: int) -> None:
         """Keep the newest of what is told and not fused: at once, for an alarm waits for nobody."""
@@ -240,7 +296,7 @@ class Incident:
     def _outcome(self, event: Event) -> Iterator[Outgoing]:
         """Let the tracker have one event, and say what it changed."""
         node_id = event.key.node_id
-        match event.message:
+        match event.dated:
             case TrackStart() as start:
                 yield from self._track(node_id, self._tracker.start(node_id, start))
             case OdometryIncrement() as increment:
@@ -272,9 +328,11 @@ class Incident:
     def _dap_place(self, dap_id: str, dap: InstalledDap | None) -> Iterator[Outgoing]:
         if dap is None:
             return
+        installed_ns, said_ns = self._said_installed[dap_id]
         yield self._outgoing(
             DapEstimate(
-                event_time_ns=dap.installed_ns,
+                # The DAP knows its installation by the time that it gave itself.
+                event_time_ns=said_ns if dap.installed_ns == installed_ns else dap.installed_ns,
                 sequence=self._next_sequence("dap_place"),
                 dap_id=dap_id,
                 position=dap.position,

@@ -7,6 +7,7 @@ take a message from the inbox, read the clock once, record, handle, publish what
 from __future__ import annotations
 
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
 
@@ -24,6 +25,7 @@ from shared.topics import TOPICS, Key, Priority, Role, alive_key, all_alive_of, 
 from shared.units import NS_PER_S
 
 INBOX_MESSAGES = 200_000
+MOST_ON_THE_WAY = 20_000
 SHOW_PERIOD_S = 0.25
 ASK_TIMEOUT_S = 0.5
 MOST_AHEAD_NS = 60 * NS_PER_S
@@ -57,10 +59,12 @@ class Post:
         self._follows_exercise = follows_exercise
         self._show = show
         self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
-        self._alive: set[str] = set()
+        self._alive: set[tuple[Role, str]] = set()
         self._joined: Inbox[Key] = Inbox(1000)
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
+        self._said: OrderedDict[Received, None] = OrderedDict()
+        """What was published last: the bus hands a node's own messages back to it."""
 
     def serve(self, stop: Event) -> None:
         """Serve until ``stop`` is set, then finish the incident and say what was lost."""
@@ -85,22 +89,24 @@ class Post:
 
     def roster(self, now_ns: int) -> Roster:
         """Return who is where at ``now_ns`` of the post's clock."""
-        alive = {key.split("/")[-2] for key in tuple(self._alive)}
-        return make_roster(self._incident, now_ns, RosterSettings(), alive)
+        return make_roster(self._incident, now_ns, RosterSettings(), tuple(self._alive))
 
     def _handle_all(self, messages: Sequence[Received]) -> None:
-        for key, payload in messages:
-            # The bus hands a node's own messages back to it.
-            if key in self._own_keys:
+        for received in messages:
+            if received in self._said:
                 continue
-            if self._follows_exercise:
+            key, payload = received
+            if self._follows_exercise and key not in self._own_keys:
                 self._follow(key, payload)
             self._publish(self._recorded.handle(key, payload, self._clock.now_ns()))
         for notice in self._incident.take_notices():
-            _log.warning("refused", **notice._asdict())
+            _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
 
     def _publish(self, outgoing: Sequence[Outgoing]) -> None:
         for message in outgoing:
+            self._said[Received(message.key, message.payload)] = None
+            if len(self._said) > MOST_ON_THE_WAY:
+                self._said.popitem(last=False)
             self._bus.publish(message.key, message.payload, _priority(message.key))
 
     def _follow(self, key: str, payload: bytes) -> None:
@@ -121,14 +127,15 @@ class Post:
         _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
 
     def _note_alive(self, key: str, is_alive: bool) -> None:
-        if not is_alive:
-            self._alive.discard(key)
-            return
-        self._alive.add(key)
         incident, role, node_id = key.split("/")[2:5]
         for node_role, topic in _ASKED.items():
-            if role == node_role:
+            if role != node_role:
+                continue
+            if is_alive:
+                self._alive.add((node_role, node_id))
                 self._joined.put(Key(incident, node_role, node_id, topic))
+            else:
+                self._alive.discard((node_role, node_id))
 
     def _greet(self, stop: Event) -> None:
         """Ask each node that comes for what it said before it was heard, until ``stop`` is set.

@@ -59,7 +59,8 @@ class ResponderRow(NamedTuple):
     Ages are seconds on the post's clock, ``None`` for never. ``position`` is ``None`` for
     ``no_track``: heard, and not started. ``reason`` says in words why ``status`` is what it is.
     ``alarm`` is the worst that stands, the newest of equals; ``activity`` what they do, in words,
-    if that is known now; ``fault`` the worst that their unit finds wrong with its sensor.
+    if that is known now; ``fault`` what is wrong with their unit: its clock, its id, and the worst
+    that it finds wrong with its sensor.
     """
 
     responder_id: str
@@ -84,6 +85,7 @@ class DapRow(NamedTuple):
     radii95_m: tuple[float, float] | None
     heard_age_s: float | None
     installer_id: str | None
+    fault: str | None
 
 
 class Roster(NamedTuple):
@@ -98,7 +100,7 @@ def make_roster(
     incident: Incident,
     now_ns: int,
     settings: RosterSettings,
-    alive: Collection[str] | None = None,
+    alive: Collection[tuple[Role, str]] | None = None,
 ) -> Roster:
     """Return the roster of ``incident`` at ``now_ns``.
 
@@ -115,7 +117,7 @@ def make_roster(
         now_ns,
         tuple(sorted(responders, key=lambda row: row.alarm is None)),
         tuple(
-            _dap_row(dap_id, daps.get(dap_id), view)
+            _dap_row(dap_id, daps.get(dap_id), incident, view)
             for dap_id in sorted(view.heard("dap") | daps.keys())
         ),
     )
@@ -127,7 +129,7 @@ class _View(NamedTuple):
     heard_ns: Mapping[tuple[Role, str], int]
     now_ns: int
     settings: RosterSettings
-    alive: Collection[str] | None
+    alive: Collection[tuple[Role, str]] | None
 
     def heard(self, role: Role) -> set[str]:
         return {node_id for node_role, node_id in self.heard_ns if node_role == role}
@@ -146,7 +148,7 @@ class _View(NamedTuple):
     def why_lost(self, role: Role, node_id: str) -> str | None:
         """Say why a node counts as lost, if it does."""
         age_s = self.heard_age_s(role, node_id)
-        if self.alive is not None and node_id not in self.alive:
+        if self.alive is not None and (role, node_id) not in self.alive:
             return "has left the network" + ("" if age_s is None else f", heard {age_s:.0f} s ago")
         if age_s is not None and age_s > self.settings.lost_s:
             return f"nothing heard for {age_s:.0f} s"
@@ -170,7 +172,10 @@ def _responder_row(
         activity=(
             None if status == "lost" else _activity(incident.movements.get(responder_id), view)
         ),
-        fault=_fault(incident.health.get(responder_id)),
+        fault=_fault(
+            *incident.faults("responder", responder_id, view.now_ns),
+            *_worst(incident.health.get(responder_id)),
+        ),
     )
 
 
@@ -193,8 +198,12 @@ def _activity(last: LastMovement | None, view: _View) -> str | None:
     return _ACTIVITIES.get(increment.activity) if sure else None
 
 
-def _fault(health: NodeHealth | None) -> str | None:
-    return health.findings[0] if health is not None and health.findings else None
+def _fault(*found: str) -> str | None:
+    return "; ".join(found) or None
+
+
+def _worst(health: NodeHealth | None) -> tuple[str, ...]:
+    return health.findings[:1] if health is not None else ()
 
 
 def _responder_status(
@@ -212,7 +221,7 @@ def _responder_status(
     return "tracking", f"a DAP was near {tied_age_s:.0f} s ago"
 
 
-def _dap_row(dap_id: str, dap: InstalledDap | None, view: _View) -> DapRow:
+def _dap_row(dap_id: str, dap: InstalledDap | None, incident: Incident, view: _View) -> DapRow:
     why_lost = view.why_lost("dap", dap_id)
     status: DapStatus
     if why_lost is not None:
@@ -230,4 +239,5 @@ def _dap_row(dap_id: str, dap: InstalledDap | None, view: _View) -> DapRow:
         radii95_m=radii95_m(dap.position.covariance_m2) if dap else None,
         heard_age_s=view.heard_age_s("dap", dap_id),
         installer_id=dap.installer_id if dap else None,
+        fault=_fault(*incident.faults("dap", dap_id, view.now_ns)),
     )

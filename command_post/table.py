@@ -36,7 +36,7 @@ def roster_table(roster: Roster) -> Table:
         table.add_row(responder.responder_id, *_row(responder, _responder_status(responder)))
     table.add_section()
     for dap in roster.daps:
-        table.add_row(dap.dap_id, *_row(dap, _status(dap)))
+        table.add_row(dap.dap_id, *_row(dap, _joined(_status(dap), *_fault(dap))))
     return table
 
 
@@ -49,8 +49,14 @@ def _responder_status(row: ResponderRow) -> Text:
     parts.append(_status(row))
     if row.activity is not None:
         parts.append(Text(row.activity))
-    if row.fault is not None:
-        parts.append(Text(row.fault, "yellow"))
+    return _joined(*parts, *_fault(row))
+
+
+def _fault(row: ResponderRow | DapRow) -> tuple[Text, ...]:
+    return () if row.fault is None else (Text(row.fault, "yellow"),)
+
+
+def _joined(*parts: Text) -> Text:
     return Text("; ").join(parts)
 
 

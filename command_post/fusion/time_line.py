@@ -12,9 +12,9 @@ from itertools import count
 from typing import Annotated, NamedTuple
 
 import msgspec
-from msgspec import Meta
+from msgspec import Meta, structs
 
-from shared.messages import Message
+from shared.messages import Message, OdometryIncrement
 from shared.topics import Key
 from shared.units import NS_PER_S
 
@@ -29,10 +29,22 @@ class TimeLineSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
 
 class Event(NamedTuple):
-    """A message with the key it came under."""
+    """A message with the key it came under, and when it happened on the post's clock."""
 
     key: Key
     message: Message
+    time_ns: int
+
+    @property
+    def dated(self) -> Message:
+        """The message, with its times on the post's clock."""
+        message, ahead_ns = self.message, self.time_ns - self.message.event_time_ns
+        if not ahead_ns:
+            return message
+        if isinstance(message, OdometryIncrement):
+            start_ns = max(message.start_time_ns + ahead_ns, 0)
+            return structs.replace(message, event_time_ns=self.time_ns, start_time_ns=start_ns)
+        return structs.replace(message, event_time_ns=self.time_ns)
 
 
 class _Waiting(NamedTuple):
@@ -42,7 +54,7 @@ class _Waiting(NamedTuple):
     """
 
     due_ns: int
-    event_time_ns: int
+    time_ns: int
     key_text: str
     sequence: int
     arrival: int
@@ -71,14 +83,14 @@ class TimeLine:
 
     def put(self, event: Event, now_ns: int) -> None:
         """Take ``event`` in, received at ``now_ns``; drop it if it was here before."""
-        key, message = event
+        key, message, time_ns = event
         remembered = self._remembered.setdefault(key, _Remembered())
         if not remembered.is_new(message):
             self.counts["repeated"] += 1
             return
-        due_ns = min(message.event_time_ns, now_ns + self._hold_ns) + self._hold_ns
+        due_ns = min(time_ns, now_ns + self._hold_ns) + self._hold_ns
         self.counts["late"] += due_ns <= now_ns
-        order = (due_ns, message.event_time_ns, str(key), message.sequence, next(self._arrivals))
+        order = (due_ns, time_ns, str(key), message.sequence, next(self._arrivals))
         heapq.heappush(self._waiting, _Waiting(*order, event))
 
     def release(self, now_ns: int) -> list[Event]:

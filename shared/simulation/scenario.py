@@ -7,7 +7,7 @@ entrance; times are seconds from the start of the exercise.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -37,6 +37,9 @@ Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 Count: TypeAlias = Annotated[int, Meta(ge=1, le=100)]
 
 STAND_AT_LEAST_S = 3.0
+
+RESERVED_IDS = frozenset({"post", "launcher"})
+"""The post of a demo, and who gives its start."""
 
 
 class Stand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="do", tag="stand"):
@@ -229,12 +232,16 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
     taped_m: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
 
     def __post_init__(self) -> None:
-        """Refuse DAPs that nobody or more than one installs, and people who are not described."""
+        """Refuse DAPs that nobody or more than one installs, and people who are not described.
+
+        Refuse as well an id that two have, or that a demo gives to itself.
+        """
         if not self.responders and not self.teams:
             raise ValueError("responders: nobody goes in; describe one, or a team")
         for responder_id in self.faults:
             if responder_id not in self.everybody:
                 raise ValueError(f"faults.{responder_id}: nobody is called so")
+        _refuse_ids(self.everybody, self.daps)
         installed = [dap_id for dap_id, _ in self.installations]
         for dap_id, dap in self.daps.items():
             ways = installed.count(dap_id) + (dap.position_m is not None)
@@ -286,6 +293,14 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
         height_m = heights_m[responder.floor]
         north_m, east_m = responder.start_m
         return north_m, east_m, -height_m, math.radians(responder.heading_deg)
+
+
+def _refuse_ids(everybody: Collection[NodeId], daps: Collection[NodeId]) -> None:
+    for node_id in (*everybody, *daps):
+        if node_id in RESERVED_IDS:
+            raise ValueError(f"id {node_id!r}: is the demo's own; give another")
+        if node_id in everybody and node_id in daps:
+            raise ValueError(f"id {node_id!r}: a responder and a DAP have it; give each its own")
 
 
 def load_scenario(name_or_path: str) -> Scenario:

@@ -103,6 +103,14 @@ def test_what_another_post_says_is_checked_and_not_fused() -> None:
     assert not incident.estimates
 
 
+def test_what_is_said_under_the_posts_own_keys_by_somebody_else_is_refused() -> None:
+    incident = Incident(IncidentSettings())
+    for _ in "ab":
+        assert incident.handle("clew/v1/exercise/post/post/track", b"anything", at_ns(0.0)) == []
+    assert incident.refusals == {("not_the_post", "post"): 2}
+    assert [notice.reason for notice in incident.take_notices()] == ["not_the_post"]
+
+
 def test_raw_readings_are_heard_and_not_fused() -> None:
     incident = Incident(IncidentSettings())
     report = RssiReport(event_time_ns=at_ns(1.0), sequence=0, responder_id="r1", rssi_dbm=-40.0)

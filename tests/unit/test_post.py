@@ -8,7 +8,9 @@ from pathlib import Path
 from threading import Event, Thread
 
 import pytest
+from msgspec import structs
 
+from command_post.commands.scoring import read_evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
 from command_post.recording import Recorder
@@ -24,6 +26,7 @@ from shared.units import NS_PER_S
 from tests.waiting import wait_for
 
 START_NS = 1_700_000_000 * NS_PER_S
+NOW_NS = START_NS + 8 * NS_PER_S
 SETTINGS = IncidentSettings(incident="fire", post_id="p")
 
 
@@ -61,12 +64,20 @@ def key(topic: str, role: str = "responder", node: str = "r1") -> str:
     return f"clew/v1/fire/{role}/{node}/{topic}"
 
 
+def estimate_in(received: Received) -> TrackEstimate:
+    parsed = parse_key(received.key)
+    assert not isinstance(parsed, Refusal)
+    estimate = decode(parsed, received.payload)
+    assert isinstance(estimate, TrackEstimate)
+    return estimate
+
+
 @contextmanager
 def serving(
     network: MemoryNetwork, path: Path, *, follows_exercise: bool = False
 ) -> Iterator[tuple[Bus, ManualClock, list[Roster]]]:
     """Run a post; give the bus of somebody else, the post's clock and what it shows."""
-    clock, shown, stop = ManualClock(START_NS + 60 * NS_PER_S), list[Roster](), Event()
+    clock, shown, stop = ManualClock(NOW_NS), list[Roster](), Event()
     with network.connect() as bus, network.connect() as other, Recorder(path, {}) as recorder:
         post = Post(
             bus, Incident(SETTINGS), recorder, clock,
@@ -98,11 +109,7 @@ def test_strides_become_estimates_published_and_recorded_once(tmp_path: Path) ->
             other.publish(key("increment"), stride(number))
         wait_for(lambda: len(said) == 4, "an estimate for the start and each stride")
         wait_for(lambda: shown and shown[-1].responders, "the responder in the roster")
-    parsed = parse_key(said[-1].key)
-    assert not isinstance(parsed, Refusal)
-    estimate = decode(parsed, said[-1].payload)
-    assert isinstance(estimate, TrackEstimate)
-    assert 2.5 < estimate.north_m < 4.5
+    assert 2.5 < estimate_in(said[-1]).north_m < 4.5
     keys = recorded_keys(path)
     assert keys.count("post/p/track") == 4
     assert keys.count("responder/r1/increment") == 3
@@ -135,10 +142,29 @@ def test_garbage_is_evidence_and_breaks_nothing(tmp_path: Path) -> None:
     assert (key("nonsense"), b"?") in kept
 
 
+def test_what_a_stranger_says_under_the_posts_own_keys_is_refused_evidence(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    said: list[Received] = []
+    track = key("track", "post", "p")
+    with serving(MemoryNetwork(), path) as (other, _, _shown):
+        other.subscribe(track, said.append)
+        other.publish(key("start"), start())
+        wait_for(lambda: said, "the post's own estimate")
+        forged = structs.replace(estimate_in(said[0]), north_m=900.0)
+        other.publish(track, encode(forged))
+        other.publish(key("increment"), stride(0))
+        wait_for(lambda: len(said) == 3, "the post's next estimate")
+    recorded = [one for one in read_recording(path) if one.key == track]
+    assert [one.outgoing for one in recorded] == [True, False, True]
+    assert recorded[1].payload == encode(forged)
+    (estimates,) = read_evidence(path).tracks("live").values()
+    assert estimates.position_m[:, 0].max() < 100.0
+
+
 @pytest.mark.parametrize("follows", [False, True])
 def test_only_an_exercise_sets_the_clock(tmp_path: Path, follows: bool) -> None:
     begun = ExerciseStart(
-        event_time_ns=START_NS + 50 * NS_PER_S, sequence=0, scenario="any", seed=1, speed=2.0
+        event_time_ns=NOW_NS - 10 * NS_PER_S, sequence=0, scenario="any", seed=1, speed=2.0
     )
     path = tmp_path / "a.mcap"
     with serving(MemoryNetwork(), path, follows_exercise=follows) as (other, clock, shown):

@@ -75,7 +75,8 @@ def test_silence_is_loss(incident: Incident) -> None:
 
 
 def test_leaving_the_network_is_loss_at_once(incident: Incident) -> None:
-    rows = make_roster(incident, at_ns(5.0), SETTINGS, alive={"r1", "dap1"})
+    alive: set[tuple[Role, str]] = {("responder", "r1"), ("dap", "dap1"), ("dap", "r2")}
+    rows = make_roster(incident, at_ns(5.0), SETTINGS, alive=alive)
     assert [row.status for row in rows.responders] == ["tracking", "lost", "lost"]
     assert rows.responders[1].reason == "has left the network, heard 3 s ago"
     assert [row.status for row in rows.daps] == ["installed", "lost"]

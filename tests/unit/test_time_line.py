@@ -15,7 +15,7 @@ KEYS = tuple(Key("exercise", "responder", name, "increment") for name in ("r1", 
 
 
 def event(time_s: float, sequence: int = 0, key: Key = KEYS[0]) -> Event:
-    return Event(key, stride(time_s, 1.0, 0.0, sequence=sequence))
+    return Event(key, stride(time_s, 1.0, 0.0, sequence=sequence), at_ns(time_s))
 
 
 def numbers(events: Sequence[Event]) -> list[int]:
