@@ -85,6 +85,7 @@ class Track:
         self._agent_heading_rad: float | None = None
         self._last_proximity_ns: int | None = None
         self._sequence: int | None = None
+        self._moved_ns = time_ns
         self._walked_m = 0.0
         self._tied_at_m: dict[str, float] = {}
         self._increments: deque[OdometryIncrement] = deque(maxlen=REMEMBERED)
@@ -108,10 +109,15 @@ class Track:
     def move(self, increment: OdometryIncrement) -> int:
         """Move by ``increment``; return how many were lost just before it.
 
-        One that comes late moves the track all the same, for strides add up; what is newest is
-        told by its number, so that a clock that was set back is followed.
+        One that comes late moves the track all the same, for strides add up. What has a higher
+        number is newer, so that a clock that was set back is followed, and what is later is too,
+        for a unit that begins anew numbers from 0.
         """
-        newest = self._sequence is None or increment.sequence > self._sequence
+        newest = (
+            self._sequence is None
+            or increment.sequence > self._sequence
+            or increment.event_time_ns > self._moved_ns
+        )
         lost = 0 if self._sequence is None else max(increment.sequence - self._sequence - 1, 0)
         self._particles = predict(
             self._particles, increment, lost, self._settings.motion, self._generator
@@ -119,7 +125,7 @@ class Track:
         if newest:
             self._sequence = increment.sequence
             self._agent_heading_rad = increment.heading_rad
-            self._time_ns = increment.event_time_ns
+            self._time_ns = self._moved_ns = increment.event_time_ns
         self._down_m += increment.d_down_m
         self._walked_m += math.hypot(increment.d_north_m, increment.d_east_m)
         self._increments.append(increment)

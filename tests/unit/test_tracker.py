@@ -201,6 +201,15 @@ def test_a_clock_that_was_set_back_is_followed() -> None:
     assert tracks.install("dap2", installation(3.0, "r1")) is not None
 
 
+def test_a_unit_that_begins_anew_is_followed_though_its_start_was_lost() -> None:
+    tracks = tracker()
+    tracks.start("r1", track_start(0.0))
+    walk_north(tracks, "r1", 20)
+    assert tracks.move("r1", stride(40.0, 1.2, 0.0, sequence=0)).time_ns == at_ns(40.0)
+    assert tracks.move("r1", stride(41.1, 1.2, 0.0, sequence=1)).time_ns == at_ns(41.1)
+    assert tracks.counts["lost_increment"] == 0
+
+
 def test_others_do_not_change_a_track_by_one_bit() -> None:
     alone, together = tracker(), tracker()
     together.start("r2", track_start(0.0))
