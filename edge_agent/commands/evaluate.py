@@ -75,8 +75,8 @@ def evaluate(
     A recording without truth that ends where it began is scored by its closure. A trial that
     fails is listed and counted. Example: edge-agent evaluate simulated:course --json
 
-    Exits with 2 if there is nothing to score or a file cannot be
-    used, with 1 if a trial broke the mount.
+    Exits with 2 if there is nothing to score, with 1 if a file cannot be used or a trial could not
+    be scored; the others are.
 
     Parameters
     ----------
@@ -150,11 +150,20 @@ def _score(trials: Sequence[Trial], setup: _Setup) -> Iterator[_Outcome]:
 def _score_one(trial: Trial, setup: _Setup) -> _Outcome:
     """Return a trial's rows, whatever happens, and what the exit code must be at least."""
     try:
-        data = trial.load()
+        return _score_each_way(trial, setup)
     except SourceError as error:
         _log.error(str(error))
-        row = failed_trial(trial.name, trial.group, None, str(error))
-        return _Outcome(row, dict.fromkeys(setup.degradations, row), ExitCode.USAGE)
+        failure = str(error)
+    except Exception as error:  # whatever is wrong with one trial, the others are scored
+        _log.exception("the trial could not be scored", trial=trial.name)
+        failure = f"{type(error).__name__}: {error}"
+    row = failed_trial(trial.name, trial.group, None, failure)
+    return _Outcome(row, dict.fromkeys(setup.degradations, row), ExitCode.FAILURE)
+
+
+def _score_each_way(trial: Trial, setup: _Setup) -> _Outcome:
+    """Score a trial as it was recorded, and with each degradation."""
+    data = trial.load()
     row, code = _score_data(trial, data, setup, setup.plot)
     degraded = {}
     for name, degradation in setup.degradations.items():
@@ -176,11 +185,11 @@ def _score_data(
 ) -> tuple[TrialScore, ExitCode]:
     try:
         increments, elapsed_s = _follow(data, setup)
+        row = score_trial(trial.name, trial.group, increments, data.truth)
     except Exception as error:  # a trial that breaks the mount is a row of the card as well
-        _log.exception("the mount failed", trial=trial.name)
+        _log.exception("the mount or its score failed", trial=trial.name)
         failure = f"{type(error).__name__}: {error}"
         return failed_trial(trial.name, trial.group, data.truth, failure), ExitCode.FAILURE
-    row = score_trial(trial.name, trial.group, increments, data.truth)
     if plot is not None and row.failure is None:
         file = plot / f"{row.set}_{row.name}.png".replace("/", "_")
         title = f"{row.set} {row.name} ({setup.title})"

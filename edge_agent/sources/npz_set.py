@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edge_agent.evaluation.truth import Truth, truth_of_path, truth_of_stances
 from edge_agent.sources.recording import (
@@ -66,17 +67,33 @@ def _read(path: Path) -> NpzSet:
 def _truth(path: Path, arrays: dict[str, Array], time_s: Array) -> Truth | None:
     """Return the truth in whichever form the set has it; its axes are z up."""
     if "truth_stride_index" in arrays and "truth_stride_xy_m" in arrays:
-        index = arrays["truth_stride_index"].astype(np.int64)
+        index = _stance_index(path, arrays["truth_stride_index"], len(time_s))
         position_m = array_of(path, arrays, "truth_stride_xy_m", (len(index), 2))
-        if len(index) < 2 or index.min() < 0 or index.max() >= len(time_s):
-            raise SourceError(f"{path}: truth_stride_index points outside t_s; export it again")
+        if not np.isfinite(position_m).all():
+            raise SourceError(f"{path}: truth_stride_xy_m: not all finite; export it again")
         return truth_of_stances(time_s[index], position_m * _NED_FROM_Z_UP[:2])
     for times, positions in (("t_s", "truth_xyz_m"), ("truth_t_s", "truth_heel_xyz_m")):
         if times in arrays and positions in arrays:
-            truth_s = arrays[times]
+            truth_s = array_of(path, arrays, times, arrays[times].shape[:1] or (0,))
             position_m = array_of(path, arrays, positions, (len(truth_s), 3))
             try:
                 return truth_of_path(truth_s, position_m * _NED_FROM_Z_UP)
             except ValueError as error:
                 raise SourceError(f"{path}: {positions}: {error}; export it again") from None
     return None
+
+
+def _stance_index(path: Path, index: Array, count: int) -> NDArray[np.int64]:
+    """Return the samples (k,) of the true stances, out of ``count``."""
+    wrong = None
+    if index.ndim != 1 or len(index) < 2:
+        wrong = f"has shape {index.shape}, where a row of two stances or more is needed"
+    elif not (np.isfinite(index).all() and (index == np.rint(index)).all()):
+        wrong = "holds what is no whole number"
+    elif index.min() < 0 or index.max() >= count:
+        wrong = "points outside t_s"
+    elif not (np.diff(index) > 0).all():
+        wrong = "does not rise from stance to stance"
+    if wrong is not None:
+        raise SourceError(f"{path}: truth_stride_index {wrong}; export it again")
+    return index.astype(np.int64)

@@ -11,8 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from edge_agent.__main__ import main
+from edge_agent.commands import evaluate
 from edge_agent.evaluation.degradation import DEGRADATIONS
+from edge_agent.evaluation.score_card import failed_trial
 from edge_agent.mounts.boot import BootMount
+from edge_agent.sources import npz_set
 from shared.process import ExitCode
 from tests.synthetic_boot import SyntheticWalk
 
@@ -89,7 +92,7 @@ def test_the_degraded_table_names_every_degradation(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "torn.npz").write_bytes(b"torn")
-    assert run(monkeypatch, folder, "--degrade", "--method", "linear") == ExitCode.USAGE
+    assert run(monkeypatch, folder, "--degrade", "--method", "linear") == ExitCode.FAILURE
     out = capsys.readouterr().out
     table = out[out.index("Degraded, medians (boot, linear)") :]
     for name in ("as recorded", *DEGRADATIONS):
@@ -116,7 +119,7 @@ def test_a_picture_a_trial_is_drawn(
 ) -> None:
     (folder / "torn.npz").write_bytes(b"torn")
     pictures = tmp_path / "new" / "pictures"
-    assert run(monkeypatch, folder, "--plot", pictures) == ExitCode.USAGE
+    assert run(monkeypatch, folder, "--plot", pictures) == ExitCode.FAILURE
     assert [file.name for file in pictures.iterdir()] == ["drill_good.png"]
 
 
@@ -140,7 +143,7 @@ def test_a_file_that_cannot_be_used_is_listed_and_counted(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "torn.npz").write_bytes((folder / "good.npz").read_bytes()[:3000])
-    assert run(monkeypatch, folder, "--json") == ExitCode.USAGE
+    assert run(monkeypatch, folder, "--json") == ExitCode.FAILURE
     found = card(capsys)
     assert [trial["name"] for trial in found["trials"]] == ["good", "torn"]
     assert "torn.npz: not a whole .npz file" in found["trials"][1]["failure"]
@@ -156,6 +159,35 @@ def test_a_trial_that_breaks_the_mount_is_listed_and_counted(
     monkeypatch.setattr(BootMount, "step", step)
     assert run(monkeypatch, folder, "--json", "--method", "linear") == ExitCode.FAILURE
     assert card(capsys)["trials"][0]["failure"] == "ZeroDivisionError: of all things"
+
+
+@pytest.mark.parametrize("broken", ["score_trial", "load_npz", "failed_trial"])
+def test_whatever_breaks_one_trial_the_others_are_scored(
+    broken: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "bad.npz").write_bytes((folder / "good.npz").read_bytes())
+    module = npz_set if broken == "load_npz" else evaluate
+    whole = getattr(module, "score_trial" if broken == "failed_trial" else broken)
+
+    def breaks(named: str | Path, *arguments: object) -> object:
+        if Path(named).stem == "bad":
+            raise ZeroDivisionError("of all things")
+        return whole(named, *arguments)
+
+    def breaks_with_truth(name: str, group: str, truth: object, failure: str) -> object:
+        if truth is not None:
+            raise ZeroDivisionError("of all things")
+        return failed_trial(name, group, None, failure)
+
+    if broken == "failed_trial":
+        monkeypatch.setattr(evaluate, "score_trial", breaks)
+        monkeypatch.setattr(evaluate, "failed_trial", breaks_with_truth)
+    else:
+        monkeypatch.setattr(module, broken, breaks)
+    assert run(monkeypatch, folder, "--json", "--method", "linear") == ExitCode.FAILURE
+    bad, good = card(capsys)["trials"]
+    assert bad["failure"] == "ZeroDivisionError: of all things"
+    assert good["failure"] is None
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,30 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
         {"truth_stride_index": np.array([0, 200]), "truth_stride_xy_m": np.zeros((2, 2))},
         "outside t_s",
     ),
+    "truth in a square": (
+        {"truth_stride_index": np.array([[0], [9]]), "truth_stride_xy_m": np.zeros((2, 2))},
+        "truth_stride_index has shape (2, 1)",
+    ),
+    "truth at no sample": (
+        {"truth_stride_index": np.array([0, np.nan]), "truth_stride_xy_m": np.zeros((2, 2))},
+        "truth_stride_index holds what is no whole number",
+    ),
+    "truth that goes back": (
+        {"truth_stride_index": np.array([9, 0]), "truth_stride_xy_m": np.zeros((2, 2))},
+        "truth_stride_index does not rise",
+    ),
+    "truth nowhere": (
+        {"truth_stride_index": np.array([0, 9]), "truth_stride_xy_m": np.full((2, 2), np.nan)},
+        "truth_stride_xy_m: not all finite",
+    ),
+    "truth at no time": (
+        {"truth_t_s": np.array(1.0), "truth_heel_xyz_m": np.zeros((1, 3))},
+        "truth_t_s has shape ()",
+    ),
+    "truth at a square of times": (
+        {"truth_t_s": np.zeros((9, 2)), "truth_heel_xyz_m": np.zeros((9, 3))},
+        "truth_t_s has shape (9, 2)",
+    ),
     "truth is no number": ({"truth_xyz_m": np.full((200, 3), np.nan)}, "truth_xyz_m: not all"),
     "short truth": (
         {"truth_t_s": np.arange(3.0), "truth_heel_xyz_m": np.zeros((3, 3))},
