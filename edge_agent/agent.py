@@ -14,6 +14,7 @@ from edge_agent.mounts.intake import LARGEST_READING
 from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.self_check import HealthReport, SelfCheck
 from edge_agent.sources.opening import Reading, TruePlace
+from edge_agent.whereabouts import Whereabouts
 from shared.messages import (
     HIGHEST_PRESSURE_PA,
     Alarm,
@@ -46,9 +47,11 @@ class Agent:
         start: LocalPosition | None,
         *,
         sends_imu: bool = True,
+        stands_at: LocalPosition | None = None,
     ) -> None:
         """``start``: where the wearer stands at first; ``None`` if the post is to know.
 
+        ``stands_at``: a known point where they report to stand then, and how near it.
         ``sends_imu``: publish the raw samples as well, for the record.
         """
         self._sender = sender
@@ -59,6 +62,7 @@ class Agent:
         self._classifier = ActivityClassifier()
         self._alarm_watch = AlarmWatch()
         self._self_check = SelfCheck(mount.faults)
+        self._whereabouts = Whereabouts(sender, stands_at)
         self._standing: dict[AlarmKind, tuple[AlarmEvent, int]] = {}
         """The alarms that stand, and when each was last said."""
 
@@ -72,15 +76,19 @@ class Agent:
         """Take in a sample, whose time is on the clock the incident goes by, or the truth."""
         if isinstance(reading, TruePlace):
             self._send_truth(reading)
-        else:
-            self.pass_time(reading.time_ns)
+            return
+        self.pass_time(reading.time_ns)
+        if isinstance(reading, ImuSample):
             self._take_sample(reading)
+        else:
+            self._whereabouts.take(reading)
 
     def pass_time(self, now_ns: int) -> None:
         """Note that it is ``now_ns``, with no sample until then.
 
         It may be called as often as one likes: what is sent is the same, and only sooner.
         """
+        self._whereabouts.pass_time(now_ns)
         report = self._self_check.pass_time(now_ns)
         if report is not None:
             self._send_health(report)

@@ -92,6 +92,11 @@ class PeakDetector:
         self._settings = settings
         self._stations: dict[NodeId, _Station] = {}
 
+    @property
+    def hears_nobody(self) -> bool:
+        """Whether there is nothing to remember."""
+        return not self._stations
+
     def add(self, time_ns: int, station_id: NodeId, rssi_dbm: float) -> None:
         """Keep a reading. Of several at one time the strongest counts, whichever came first."""
         station = self._stations.setdefault(station_id, _Station(station_id, self._settings))

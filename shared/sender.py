@@ -19,12 +19,14 @@ class Sender:
         self._bus = bus
         self._incident = incident
         self._role: Role = role
-        self._node_id = node_id
+        self.node_id = node_id
+        """Whose messages they are."""
+
         self._next: Counter[type[Message]] = Counter()
 
     def key(self, message: type[Message]) -> str:
         """Return the key that this node writes messages of that type under."""
-        return str(Key(self._incident, self._role, self._node_id, _TOPIC_OF[message].name))
+        return str(Key(self._incident, self._role, self.node_id, _TOPIC_OF[message].name))
 
     def next_sequence(self, message: type[Message]) -> int:
         """Return the number for the next message of that type: 0, 1, 2 … in this process."""

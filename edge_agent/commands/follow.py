@@ -60,6 +60,8 @@ def run(
     method: MethodName = DEFAULT_METHOD,
     connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
     start: tuple[float, float, float] | None = None,
+    stands_at: str | None = None,
+    stands_at_sd: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e3))] = 1.0,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     imu: bool = True,
@@ -68,7 +70,8 @@ def run(
 ) -> int:
     """Follow one responder and publish their movement, until the source ends or SIGINT, SIGTERM.
 
-    Example: edge-agent run --id r1 --source csv:walk.csv --speed 4
+    Examples: edge-agent run --id r1 --source csv:walk.csv --speed 4;
+    edge-agent run --id r1 --source simulated:four_daps --stands-at=-1.5,0.4 --stands-at-sd 0.5
 
     Parameters
     ----------
@@ -84,6 +87,10 @@ def run(
         DAPs and posts to dial, one an option; the first that answers is kept to.
     start
         Where the wearer stands at first: metres north, east and down of the incident's origin.
+    stands_at
+        A known point where the wearer reports to stand at first: NORTH,EAST or NORTH,EAST,DOWN.
+    stands_at_sd
+        How near it, in metres (standard deviation in each direction).
     speed
         How many times as fast as it was recorded.
     seed
@@ -101,11 +108,13 @@ def run(
         check_id(responder_id, "--id")
         opened = open_source(source, responder_id, seed)
         mount = make_mount("boot", method)
+        known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         with stop_on_signals() as stop, open_zenoh("client", connect=connect) as bus:
             if with_parent:
                 stop_with_parent(stop)
             sender = Sender(bus, incident, "responder", responder_id)
-            agent = Agent(sender, mount, method, _place(start) or opened.start, sends_imu=imu)
+            place = _place(start) or opened.start
+            agent = Agent(sender, mount, method, place, sends_imu=imu, stands_at=known_point)
             bus.answer(sender.key(TrackStart), lambda: agent.start_payload)
             bus.declare_alive(alive_key(incident, "responder", responder_id))
             _await_link(bus, stop)
@@ -242,4 +251,20 @@ def _place(start: tuple[float, float, float] | None) -> LocalPosition | None:
     north_m, east_m, down_m = start
     return checked(
         LocalPosition(north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=(1.0, 0.0, 1.0))
+    )
+
+
+def _known_point(text: str, sd_m: float) -> LocalPosition:
+    """Return the point that ``--stands-at`` gives; ``ValueError`` if it gives none."""
+    try:
+        north_m, east_m, down_m = (*map(float, text.split(",")), 0.0)[:3]
+        if text.count(",") > 2:
+            raise ValueError
+    except ValueError:
+        raise ValueError(
+            f"--stands-at {text!r}: write metres as NORTH,EAST or NORTH,EAST,DOWN"
+        ) from None
+    covariance_m2 = (sd_m**2, 0.0, sd_m**2)
+    return checked(
+        LocalPosition(north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=covariance_m2)
     )

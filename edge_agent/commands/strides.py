@@ -5,14 +5,14 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from shared.bus.wire_log import WireLogBus
 from shared.clock import ManualClock
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
-from shared.messages import Activity, Message, NodeId, OdometryIncrement, TrackStart, Truth
+from shared.messages import Activity, Message, NodeId, OdometryIncrement, TrackStart, Truth, Vector3
 from shared.sender import Sender
 from shared.simulation.odometry import Stride, UnitStart, simulate_odometry
 from shared.simulation.odometry_errors import UnitFault
@@ -37,8 +37,12 @@ ACTIVITIES: dict[Gait, Activity] = {
 }
 
 
+_Told: TypeAlias = UnitStart | Stride | Vector3
+"""What goes out as it is; a vector is the truth."""
+
+
 class _Saying(NamedTuple):
-    """Something to publish at ``time_s`` of the exercise; what is said first comes first."""
+    """Something that comes to the unit, or that it publishes, at ``time_s`` of the exercise; what is said first comes first."""
 
     time_s: float
     rank: int
@@ -72,13 +76,16 @@ def _sayings(scenario: Scenario, responder_id: NodeId, seed: int) -> Iterator[_S
         _Saying(each.time_s if isinstance(each, UnitStart) else each.end_s, 1, each)
         for each in simulate_odometry(scenario, responder_id, seed)
     ]
-    return heapq.merge(truths, told, key=lambda saying: saying[:2])
+    cues = (
+        _Saying(cue.time_ns / NS_PER_S, 1, cue)
+        for cue in simulated_cues(scenario, responder_id, seed)
+    )
+    return heapq.merge(truths, told, cues, key=lambda saying: saying[:2])
 
 
-def _message(saying: _Saying, sender: Sender, ahead_s: float) -> Message:
+def _message(said: _Told, time_s: float, sender: Sender, ahead_s: float) -> Message:
     """Return what is said as a message; a unit whose clock is wrong gives wrong times."""
-    said = saying.said
-    event_ns = _time_ns(saying.time_s + ahead_s)
+    event_ns = _time_ns(time_s + ahead_s)
     match said:
         case UnitStart():
             return TrackStart(
@@ -93,7 +100,7 @@ def _message(saying: _Saying, sender: Sender, ahead_s: float) -> Message:
             return _increment(said, event_ns, _time_ns(said.start_s + ahead_s), sender)
     north_m, east_m, down_m = said
     return Truth(
-        event_time_ns=_time_ns(saying.time_s),
+        event_time_ns=_time_ns(time_s),
         sequence=sender.next_sequence(Truth),
         north_m=north_m,
         east_m=east_m,

@@ -14,7 +14,9 @@ import numpy as np
 from edge_agent.sources.mcap_recording import read_imu_samples
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.recording import SourceError
+from edge_agent.sources.simulated_cues import simulated_cues
 from edge_agent.sources.vendor_csv import read_vendor_csv
+from edge_agent.whereabouts import Cue
 from shared.mcap_reader import RecordingError
 from shared.messages import ImuSample, LocalPosition, NodeId
 from shared.simulation.boot_imu import simulate_boot_imu
@@ -34,7 +36,7 @@ class TruePlace(NamedTuple):
     position_m: tuple[float, float, float]
 
 
-Reading: TypeAlias = ImuSample | TruePlace
+Reading: TypeAlias = ImuSample | Cue | TruePlace
 
 
 class Source(NamedTuple):
@@ -61,9 +63,10 @@ class Source(NamedTuple):
 def open_source(name: str, responder_id: NodeId, seed: int) -> Source:
     """Open ``csv:FILE``, ``npz:FILE``, ``mcap:FILE[#responder]`` or ``simulated:SCENARIO``.
 
-    A simulated source has the samples of ``responder_id`` in the exercise of ``seed``, and the
-    truth. Raises ``SourceError`` if there is no such kind or the file cannot be used, and
-    ``shared.config.ConfigError`` for a scenario that cannot be used.
+    A simulated source has the samples of ``responder_id`` in the exercise of ``seed``, whom they
+    hear, satellite fixes if there are any, and the truth. Raises ``SourceError`` if there is no
+    such kind or the file cannot be used, and ``shared.config.ConfigError`` for a scenario that
+    cannot be used.
     """
     kind, _, where = name.partition(":")
     if not where or kind not in ("csv", "npz", "mcap", "simulated"):
@@ -99,7 +102,10 @@ def _open_simulated(scenario_name: str, responder_id: NodeId, seed: int) -> Sour
         )
     ]
     readings: Iterator[Reading] = heapq.merge(
-        recording.samples(0), truth, key=lambda reading: reading.time_ns
+        recording.samples(0),
+        truth,
+        simulated_cues(scenario, responder_id, seed),
+        key=lambda reading: reading.time_ns,
     )
     north_m, east_m, down_m, _ = scenario.start_of(responder_id)
     variance_m2 = START_SD_M**2

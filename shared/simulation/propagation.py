@@ -139,9 +139,7 @@ def mean_power_dbm(
     power_dbm -= _floor_loss_db(
         radio, plan.floors_crossed(body_m, np.broadcast_to(dap_m, body_m.shape))
     )
-    forward = np.column_stack([np.cos(heading_rad), np.sin(heading_rad)])
-    ahead = np.sum(forward * (antenna_m - radio_m)[:, :2], axis=1) / range_m
-    return np.asarray(power_dbm - radio.body_loss_db * np.maximum(0.0, -ahead))
+    return np.asarray(power_dbm - _body_loss_db(radio, heading_rad, antenna_m - radio_m, range_m))
 
 
 def received_power_dbm(
@@ -152,19 +150,34 @@ def received_power_dbm(
     body_m: Array,
     heading_rad: Array,
 ) -> Array:
-    """Return the power (n,) with shadowing and fading; arguments as in ``mean_power_dbm``.
-
-    Shadowing fades in over its own correlation length: over a short range nothing stands between.
-    """
-    antenna_m, radio_m, range_m = _antennas(radio, dap_m, body_m)
-    grown = np.sqrt(-np.expm1(-range_m / radio.shadowing_length_m))
-    shadow = np.sqrt(2.0) * around.shadowing.at(radio_m).real
-    k = rician_k(radio, range_m, plan.walls_crossed(radio_m, antenna_m))
-    amplitude = np.abs(np.sqrt(k) + around.multipath.at(radio_m)) / np.sqrt(1.0 + k)
+    """Return the power (n,) with shadowing and fading; arguments as in ``mean_power_dbm``."""
+    antenna_m, radio_m, _ = _antennas(radio, dap_m, body_m)
     return np.asarray(
         mean_power_dbm(radio, plan, dap_m, body_m, heading_rad)
-        + radio.shadowing_sd_db * grown * shadow
-        + 20.0 * np.log10(amplitude)
+        + _fading_db(radio, plan, around, antenna_m, radio_m, radio_m)
+    )
+
+
+def power_between_worn_dbm(
+    radio: RadioParameters,
+    plan: Plan,
+    around: Surroundings,
+    first: tuple[Array, Array],
+    second: tuple[Array, Array],
+) -> Array:
+    """Return the power (n,) between two worn radios, with shadowing and fading.
+
+    ``first`` and ``second`` are where their wearers stand (n, 3) and face (n,); each one's torso
+    takes its share. Shadowing and fading change as either of them moves.
+    """
+    (first_m, first_rad), (second_m, second_rad) = first, second
+    # Worn as high above the floor as the other, where a DAP stands almost on it.
+    raised_m = second_m - [0.0, 0.0, radio.worn_height_m - radio.dap_height_m]
+    antenna_m, radio_m, range_m = _antennas(radio, raised_m, first_m)
+    return np.asarray(
+        mean_power_dbm(radio, plan, raised_m, first_m, first_rad)
+        - _body_loss_db(radio, second_rad, radio_m - antenna_m, range_m)
+        + _fading_db(radio, plan, around, antenna_m, radio_m, radio_m + antenna_m)
     )
 
 
@@ -186,6 +199,35 @@ def _antennas(radio: RadioParameters, dap_m: Array, body_m: Array) -> tuple[Arra
     radio_m = body_m - [0.0, 0.0, radio.worn_height_m]
     range_m = np.maximum(np.linalg.norm(radio_m - antenna_m, axis=1), NEAREST_M)
     return antenna_m, radio_m, range_m
+
+
+def _body_loss_db(
+    radio: RadioParameters, heading_rad: Array, toward_m: Array, range_m: Array
+) -> Array:
+    """Return what the torso of who faces ``heading_rad`` (n,) takes from a link ``toward_m``."""
+    forward = np.column_stack([np.cos(heading_rad), np.sin(heading_rad)])
+    ahead = np.sum(forward * toward_m[:, :2], axis=1) / range_m
+    return np.asarray(radio.body_loss_db * np.maximum(0.0, -ahead))
+
+
+def _fading_db(
+    radio: RadioParameters,
+    plan: Plan,
+    around: Surroundings,
+    antenna_m: Array,
+    radio_m: Array,
+    place_m: Array,
+) -> Array:
+    """Return shadowing and fading (n,) between two antennas, of the fields at ``place_m`` (n, 3).
+
+    Shadowing fades in over its own correlation length: over a short range nothing stands between.
+    """
+    range_m = np.maximum(np.linalg.norm(radio_m - antenna_m, axis=1), NEAREST_M)
+    grown = np.sqrt(-np.expm1(-range_m / radio.shadowing_length_m))
+    shadow = np.sqrt(2.0) * around.shadowing.at(place_m).real
+    k = rician_k(radio, range_m, plan.walls_crossed(radio_m, antenna_m))
+    amplitude = np.abs(np.sqrt(k) + around.multipath.at(place_m)) / np.sqrt(1.0 + k)
+    return np.asarray(radio.shadowing_sd_db * grown * shadow + 20.0 * np.log10(amplitude))
 
 
 def _floor_loss_db(radio: RadioParameters, floors: NDArray[np.intp]) -> Array:

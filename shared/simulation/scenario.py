@@ -18,6 +18,7 @@ from msgspec import Meta
 from shared.config import ConfigError, load_toml
 from shared.messages import NodeId
 from shared.simulation.barometer import BarometerSettings
+from shared.simulation.gnss import GnssReceiver
 from shared.simulation.imu_errors import ImuSettings
 from shared.simulation.magnetic import MagneticSettings
 from shared.simulation.odometry_errors import OdometrySettings, UnitFault
@@ -213,7 +214,7 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
 
     ``teams`` are among the responders once it is loaded. With ``turned_deg`` the whole of it, the
     building included, lies turned clockwise about the origin. A scenario equals only itself, so
-    that what is worked out of it can be kept.
+    that what is worked out of it can be kept. Without ``gnss`` nobody has a satellite receiver.
     """
 
     description: str
@@ -227,6 +228,7 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
     magnetic: MagneticSettings = MagneticSettings()
     barometer: BarometerSettings | None = None
     radio: RadioParameters = RadioParameters()
+    gnss: GnssReceiver | None = None
     odometry: OdometrySettings = OdometrySettings()
     faults: dict[NodeId, UnitFault] = {}
     taped_m: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 
 import msgspec
 import pytest
+from structlog.testing import capture_logs
 
+from edge_agent.__main__ import app
 from edge_agent.agent import Agent
 from edge_agent.mounts.methods import make_mount
 from edge_agent.sources.opening import TruePlace, open_source
@@ -17,6 +19,7 @@ from shared.bus.memory import MemoryNetwork
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
     Alarm,
+    Contact,
     ImuBatch,
     ImuSample,
     Message,
@@ -25,6 +28,7 @@ from shared.messages import (
     TrackStart,
     Truth,
 )
+from shared.process import ExitCode
 from shared.sender import Sender
 
 CORRIDOR = "corridor"
@@ -193,3 +197,20 @@ def test_a_simulated_source_has_the_truth_and_the_start() -> None:
 def test_a_source_that_cannot_be_opened_is_said(name: str, complaint: str) -> None:
     with pytest.raises(SourceError, match=complaint):
         open_source(name, "r9", 0)
+
+
+def test_whom_the_wearer_meets_is_told(agent: Agent, heard: list[Received]) -> None:
+    """Both begin at one place, and one follows the other."""
+    walk(agent)
+    contacts = [m for m in messages(heard) if isinstance(m, Contact)]
+    assert contacts
+    assert {contact.other_id for contact in contacts} == {"r2"}
+
+
+@pytest.mark.parametrize("text", ["north", "1", "1,2,3,4", "1,nan", "1e9,2"])
+def test_a_point_that_is_none_is_refused(text: str) -> None:
+    command = ["run", "--id", "r1", "--source", "simulated:corridor", f"--stands-at={text}"]
+    with capture_logs() as logs:
+        code = app(command, exit_on_error=False, result_action="return_value")
+    assert code == ExitCode.USAGE
+    assert logs
