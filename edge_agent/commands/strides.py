@@ -9,6 +9,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from edge_agent.gnss import GnssReading
+from edge_agent.sources.simulated_cues import simulated_cues
+from edge_agent.whereabouts import Cue, Overheard, Whereabouts
 from shared.bus.wire_log import WireLogBus
 from shared.clock import ManualClock
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
@@ -42,11 +45,11 @@ _Told: TypeAlias = UnitStart | Stride | Vector3
 
 
 class _Saying(NamedTuple):
-    """Something that comes to the unit, or that it publishes, at ``time_s`` of the exercise; what is said first comes first."""
+    """Something that comes to the unit or goes out, at ``time_s`` of the exercise, by rank."""
 
     time_s: float
     rank: int
-    said: UnitStart | Stride | tuple[float, float, float]
+    said: _Told | Cue
 
 
 def rehearse_strides(scenario: Scenario, responder_id: NodeId, seed: int, folder: Path) -> None:
@@ -56,9 +59,15 @@ def rehearse_strides(scenario: Scenario, responder_id: NodeId, seed: int, folder
     ahead_s = scenario.faults.get(responder_id, UnitFault()).clock_ahead_s
     with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
         sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
+        unit = Whereabouts(sender)
         for saying in _sayings(scenario, responder_id, seed):
             clock.set_ns(_time_ns(saying.time_s))
-            sender.send(_message(saying, sender, ahead_s))
+            now_ns = _time_ns(saying.time_s + ahead_s)
+            unit.pass_time(now_ns)
+            if isinstance(saying.said, (Overheard, GnssReading)):
+                unit.take(saying.said._replace(time_ns=now_ns))
+            else:
+                sender.send(_message(saying.said, saying.time_s, sender, ahead_s))
 
 
 def _sayings(scenario: Scenario, responder_id: NodeId, seed: int) -> Iterator[_Saying]:
