@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import structlog
 
 from edge_agent.sources.recording import (
     LARGEST_TIME_S,
@@ -23,6 +24,7 @@ from edge_agent.sources.recording import (
     Recording,
     SourceError,
 )
+from edge_agent.sources.text_table import cells_of, delimiter_of, number_in, read_lines
 from edge_agent.sources.time_stamps import repaired
 from shared.units import NS_PER_S
 
@@ -70,6 +72,8 @@ _EXPECTED = (
     "('Accelerometer X (g)', 'Acc_X' …) and of a gyroscope ('Gyroscope X (deg/s)', 'Gyr_X' …)"
 )
 
+_log = structlog.stdlib.get_logger(__name__)
+
 
 class _Column(NamedTuple):
     """Where a reading stands in a row, what its header says, and the unit if that is in it."""
@@ -91,8 +95,8 @@ class _Table(NamedTuple):
 
     def scale(self, sensor: str) -> float | None:
         """Return the SI value of the file's unit for a sensor; ``None`` if no header tells it."""
-        unit = self.columns[sensor if sensor in _SCALARS else f"{sensor} x"].unit
-        return None if unit is None else _UNITS[sensor][unit]
+        units = [column.unit for column in _columns_of(sensor, self.columns)]
+        return next((_UNITS[sensor][unit] for unit in units if unit is not None), None)
 
 
 def read_vendor_csv(path: Path) -> Recording:
@@ -104,7 +108,7 @@ def read_vendor_csv(path: Path) -> Recording:
     """
     table = _read(path)
     force_m_s2 = _force_m_s2(path, table)
-    rate_rad_s = _rate_rad_s(table)
+    rate_rad_s = _rate_rad_s(path, table)
     field_ut, pressure_pa = _field_ut(table), _pressure_pa(table)
     rows, time_s = repaired(_time_s(path, table), np.hstack((force_m_s2, rate_rad_s)))
     return Recording(
@@ -117,38 +121,33 @@ def read_vendor_csv(path: Path) -> Recording:
 
 
 def _read(path: Path) -> _Table:
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise SourceError(f"{path}: cannot be read ({error.strerror}); give another") from None
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        # Older Windows programs write ° and µ in their own code page.
-        text = raw.decode("cp1252", errors="replace")
-    lines = text.splitlines()
+    lines, last_is_whole = read_lines(path)
     at, delimiter = _find_header(path, lines)
-    header = _cells(lines[at], delimiter)
+    header = cells_of(lines[at], delimiter)
     columns = _columns(path, header)
-    rows = [
-        _numbers(path, number, _cells(line, delimiter), header, columns)
-        for number, line in enumerate(lines[at + 1 :], at + 2)
-        if line.strip()
-    ]
+    rows = []
+    for number, line in enumerate(lines[at + 1 :], at + 2):
+        if not line.strip():
+            continue
+        try:
+            rows.append(_numbers(line, delimiter, header, columns))
+        except ValueError as error:
+            if number == len(lines) and not last_is_whole:
+                _log.warning(f"{path}: the last line is cut off and left out", line=number)
+                break
+            raise SourceError(
+                f"{path}, line {number}: {error}; correct or remove the line"
+            ) from None
     if len(rows) < 2:
         raise SourceError(f"{path}: {len(rows)} rows below the header; record longer")
     return _Table(columns, np.array(rows))
 
 
-def _cells(line: str, delimiter: str) -> list[str]:
-    return [cell.strip(' "') for cell in line.split(delimiter)]
-
-
 def _find_header(path: Path, lines: list[str]) -> tuple[int, str]:
     """Return the header's place and its delimiter; exports may begin with remarks."""
     for at, line in enumerate(lines[:HEADER_WITHIN_LINES]):
-        delimiter = max(",;\t", key=line.count)
-        meanings = [_meaning(cell) for cell in _cells(line, delimiter)]
+        delimiter = delimiter_of(line)
+        meanings = [_meaning(cell) for cell in cells_of(line, delimiter)]
         if any(meaning is not None and meaning[0] != "time" for meaning in meanings):
             return at, delimiter
     found = repr(lines[0][:200]) if lines else "nothing"
@@ -200,59 +199,99 @@ def _columns(path: Path, header: list[str]) -> dict[str, _Column]:
             f"{path}: no column for {', '.join(missing)}; found {', '.join(header)}; "
             f"need {_EXPECTED}"
         )
+    _refuse_mixed_units(path, columns)
     return columns
 
 
+def _columns_of(sensor: str, columns: Mapping[str, _Column]) -> list[_Column]:
+    return [column for what, column in columns.items() if what.partition(" ")[0] == sensor]
+
+
+def _refuse_mixed_units(path: Path, columns: Mapping[str, _Column]) -> None:
+    for sensor in _UNITS:
+        told = [each for each in _columns_of(sensor, columns) if each.unit is not None]
+        if len({_UNITS[sensor][each.unit] for each in told if each.unit is not None}) > 1:
+            headers = ", ".join(each.header for each in told)
+            raise SourceError(
+                f"{path}: {headers}: one sensor in different units; correct the header, "
+                "or export it in one"
+            )
+
+
 def _numbers(
-    path: Path, number: int, cells: list[str], header: list[str], columns: dict[str, _Column]
+    line: str, delimiter: str, header: list[str], columns: dict[str, _Column]
 ) -> list[float]:
-    """Return a row as numbers, NaN in columns that are not wanted or have no reading."""
+    """Return a row as numbers, NaN in columns that are not wanted or have no reading.
+
+    Raises ``ValueError`` for a row that is none.
+    """
+    cells = cells_of(line, delimiter)
     if len(cells) != len(header):
-        raise SourceError(
-            f"{path}, line {number}: {len(cells)} cells where the header has {len(header)}; "
-            "correct or remove the line"
-        )
+        raise ValueError(f"{len(cells)} cells where the header has {len(header)}")
     row = [math.nan] * len(cells)
     for what, column in columns.items():
         cell = cells[column.place]
         if not cell and what.startswith(("field", "pressure")):
             continue
         try:
-            row[column.place] = float(cell)
+            row[column.place] = number_in(cell, delimiter)
         except ValueError:
-            raise SourceError(
-                f"{path}, line {number}: {column.header} is {cell!r}, not a number; "
-                "correct or remove the line"
-            ) from None
+            raise ValueError(f"{column.header} is {cell!r}, not a number") from None
     return row
 
 
 def _time_s(path: Path, table: _Table) -> Array:
-    column = table.columns["time"]
-    stamps = table.values[:, column.place]
+    header = table.columns["time"].header
+    stamps = table.values[:, table.columns["time"].place]
     if not np.isfinite(stamps).all():
-        raise SourceError(f"{path}: {column.header} is not finite in every row; export it again")
-    scale = table.scale("time")
+        raise SourceError(f"{path}: {header} is not finite in every row; export it again")
+    if (stamps == stamps[0]).all():
+        raise SourceError(
+            f"{path}: {header} is {stamps[0]:g} in all {len(stamps)} rows: the recorder's clock "
+            "stood still; export the sensor's own time stamps"
+        )
     per_row = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
-    if scale is None:
-        fine = column.header.lower().startswith("sampletimefine")
-        for scale in _SAMPLE_TIME_FINE_S if fine else _UNITS["time"].values():
-            if RATES_HZ[0] <= 1.0 / max(per_row * scale, 1e-12) <= RATES_HZ[1]:
-                break
-        else:
-            raise SourceError(
-                f"{path}: {column.header} advances by {per_row:g} a row, which in no unit is a "
-                f"rate of {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz; name its unit, as in 'Time (s)'"
-            )
-    time_s = stamps * scale
-    if not per_row > 0.0 or np.abs(time_s).max() > LARGEST_TIME_S:
-        raise SourceError(f"{path}: {column.header} does not advance in {scale:g} s; correct it")
+    if per_row <= 0.0:
+        raise SourceError(
+            f"{path}: {header} does not advance, from {stamps[0]:g} in the first row to "
+            f"{stamps[-1]:g} in the last; put the rows in order"
+        )
+    time_s: Array = stamps * _time_scale(path, table, header, per_row)
+    if np.abs(time_s).max() > LARGEST_TIME_S:
+        raise SourceError(
+            f"{path}: {header} reads {np.abs(time_s).max():g} s, which is no time; correct its unit"
+        )
     return time_s
+
+
+def _time_scale(path: Path, table: _Table, header: str, per_row: float) -> float:
+    """Return the seconds that one of the time's unit is: as told, or as makes a likely rate."""
+    told = table.scale("time")
+    if told is not None:
+        return told
+    fine = header.lower().startswith("sampletimefine")
+    for scale in _SAMPLE_TIME_FINE_S if fine else _UNITS["time"].values():
+        if RATES_HZ[0] <= 1.0 / max(per_row * scale, 1e-12) <= RATES_HZ[1]:
+            return scale
+    raise SourceError(
+        f"{path}: {header} advances by {per_row:g} a row, which in no unit is a "
+        f"rate of {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz; name its unit, as in 'Time (s)'"
+    )
+
+
+def _readings(path: Path, table: _Table, sensor: str) -> Array:
+    """Return the readings (n, 3) of a sensor that must have some on each axis."""
+    readings = table.axes(sensor)
+    for axis, column in zip("xyz", np.isfinite(readings).T, strict=True):
+        if not column.any():
+            header = table.columns[f"{sensor} {axis}"].header
+            raise SourceError(f"{path}: {header} has no reading in any row; export it again")
+    return readings
 
 
 def _force_m_s2(path: Path, table: _Table) -> Array:
     """Return specific force, which whatever its unit must have gravity in it."""
-    readings = table.axes("force")
+    readings = _readings(path, table, "force")
     median = float(np.nanmedian(np.linalg.norm(readings, axis=1)))
     told = table.scale("force")
     for scale in _UNITS["force"].values() if told is None else (told,):
@@ -264,8 +303,8 @@ def _force_m_s2(path: Path, table: _Table) -> Array:
     )
 
 
-def _rate_rad_s(table: _Table) -> Array:
-    readings = table.axes("rate")
+def _rate_rad_s(path: Path, table: _Table) -> Array:
+    readings = _readings(path, table, "rate")
     scale = table.scale("rate")
     if scale is None:
         degrees = np.nanmax(np.abs(readings)) > FASTEST_BOOT_RAD_S

@@ -144,6 +144,42 @@ def test_windows_code_page(csv: Path) -> None:
     assert read_vendor_csv(csv).rate_rad_s[0, 0] == pytest.approx(math.pi)
 
 
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_decimal_commas(csv: Path, delimiter: str) -> None:
+    rows = ["0,00 180,0 -90 0 0 0 -1,0", "0,01 0 0 3,6e+2 0,5 0 -1,0"]
+    write(csv, X_IO.replace(",", delimiter), *(row.replace(" ", delimiter) for row in rows))
+    recording = read_vendor_csv(csv)
+    assert recording.time_ns.tolist() == [0, 10_000_000]
+    assert recording.rate_rad_s[1].tolist() == [0.0, 0.0, pytest.approx(2 * math.pi)]
+    assert recording.force_m_s2[1].tolist() == pytest.approx([0.5 * G, 0.0, -G])
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
+def test_other_encodings(csv: Path, encoding: str) -> None:
+    header = X_IO.replace("deg/s", "°/s")
+    csv.write_bytes(f"{header}\n0,180,0,0,0,0,-1\n0.01,0,0,0,0,0,-1\n".encode(encoding))
+    assert read_vendor_csv(csv).rate_rad_s[0, 0] == pytest.approx(math.pi)
+
+
+@pytest.mark.parametrize("rest", ["0.02,0,0", "0.02,0,0,0,0,0,-", "0"])
+def test_a_last_line_that_is_cut_off_is_left_out_and_told(
+    csv: Path, rest: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    csv.write_text(f"{X_IO}\n0,0,0,0,0,0,-1\n0.01,0,0,0,0,0,-1\n{rest}")
+    assert read_vendor_csv(csv).time_ns.tolist() == [0, 10_000_000]
+    told = capsys.readouterr()
+    assert f"{csv}: the last line is cut off" in told.out + told.err
+    csv.write_text(f"{X_IO}\n0,0,0,0,0,0,-1\n{rest}\n0.01,0,0,0,0,0,-1")
+    with pytest.raises(SourceError, match="line 3"):
+        read_vendor_csv(csv)
+
+
+def test_one_unit_may_be_written_in_two_ways_or_once(csv: Path) -> None:
+    header = X_IO.replace("Y (deg/s)", "Y (dps)").replace("X (deg/s)", "X")
+    write(csv, header, "0,180,0,0,0,0,-1", "0.01,0,0,0,0,0,-1")
+    assert read_vendor_csv(csv).rate_rad_s[0, 0] == pytest.approx(math.pi)
+
+
 def test_rows_sent_twice_count_once(csv: Path) -> None:
     row = "0.01,0,0,0,0,0,-1"
     write(csv, X_IO, "0,0,0,0,0,0,-1", row, row, "0.02,0,0,1,0,0,-1")
@@ -162,7 +198,27 @@ BROKEN = {
     "no reading": (f"{X_IO}\n0,0,0,,0,0,1\n", "line 2: Gyroscope Z (deg/s) is ''"),
     "unknown unit": (f"{X_IO.replace('(g)', '(ft/s2)')}\n", "unknown unit; write one of m/s2, g"),
     "wrong unit": (f"{X_IO.replace('(g)', '(m/s2)')}\n{REST}", "mostly reads 1, which is not grav"),
-    "time stands": (f"{X_IO}\n1,0,0,0,0,0,1\n1,0,0,0,0,1,1\n", "does not advance"),
+    "time stands": (
+        f"{X_IO}\n1,0,0,0,0,0,1\n1,0,0,0,0,1,1\n",
+        "Time (s) is 1 in all 2 rows: the recorder's clock stood still",
+    ),
+    "time goes back": (
+        f"{X_IO}\n2,0,0,0,0,0,1\n1,0,0,0,0,1,1\n",
+        "does not advance, from 2 in the first row to 1 in the last",
+    ),
+    "no date is so late": (f"{X_IO}\n0,0,0,0,0,0,1\n1e12,0,0,0,0,1,1\n", "reads 1e+12 s"),
+    "units mixed": (
+        f"{X_IO.replace('X (g)', 'X (m/s2)')}\n{REST}",
+        "Accelerometer X (m/s2), Accelerometer Y (g), Accelerometer Z (g): one sensor in different",
+    ),
+    "no force": (
+        f"{X_IO}\n0,0,0,0,nan,0,1\n0.01,0,0,0,nan,0,1\n",
+        "Accelerometer X (g) has no reading in any row",
+    ),
+    "no rates": (
+        f"{X_IO}\n0,nan,nan,nan,0,0,1\n0.01,nan,nan,nan,0,0,1\n",
+        "Gyroscope X (deg/s) has no reading in any row",
+    ),
     "time is no number": (f"{X_IO}\nnan,0,0,0,0,0,1\n{REST}", "is not finite"),
     "time in no unit": (f"{X_IO.replace(' (s)', '')}\n0,0,0,0,0,0,1\n1e5,0,0,0,0,0,1\n", "no unit"),
 }
