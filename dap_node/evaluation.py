@@ -83,8 +83,10 @@ def try_dap(
     for responder_id in scenario.responders:
         body = simulate_walk(scenario, responder_id, seed).body
         stands = body.time_s >= installed_s
-        range_m = np.linalg.norm(body.position_m[stands] - dap_m, axis=1)
-        ranges[responder_id] = TrueRange(body.time_s[stands], range_m)
+        # Who is done before the DAP stands never meets it.
+        if stands.any():
+            range_m = np.linalg.norm(body.position_m[stands] - dap_m, axis=1)
+            ranges[responder_id] = TrueRange(body.time_s[stands], range_m)
     return try_links(observations, ranges, settings, pass_m)
 
 
