@@ -6,6 +6,7 @@ from cyclopts import App
 
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, rehearse
+from command_post.commands.orders import click, floor
 from command_post.commands.scoring import replay, score_file
 from shared.command_line import run_command_line
 
@@ -16,6 +17,8 @@ app = App(
 )
 app.command(run)
 app.command(demo)
+app.command(click)
+app.command(floor)
 app.command(replay)
 app.command(score_file, name="score")
 app.command(rehearse)

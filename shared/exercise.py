@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
+from shared.clock import Clock, ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import ExerciseStart, NodeId
 from shared.topics import Key
@@ -38,6 +39,13 @@ def await_exercise(bus: Bus, incident: NodeId, stop: Event) -> ExerciseStart | N
         if start is not None:
             return start
     return None
+
+
+def ask_clock(bus: Bus, incident: NodeId) -> Clock:
+    """Return the clock that the incident goes by: its exercise's if there is one."""
+    key = str(Key(incident, "post", "*", "exercise"))
+    start = _first_start(bus.query(key, ASK_TIMEOUT_S))
+    return SystemClock() if start is None else ScaledClock(start.event_time_ns, start.speed)
 
 
 def _first_start(heard: Iterable[Received]) -> ExerciseStart | None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
 from edge_agent.contacts import ContactWatch
 from edge_agent.gnss import GnssGate, GnssReading, GnssSettings
+from edge_agent.sources.simulated_cues import simulated_cues
 from edge_agent.whereabouts import Overheard, Whereabouts
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
@@ -14,6 +16,9 @@ from shared.codec import Refusal, decode, parse_key
 from shared.messages import Contact, LocalPosition, Message, PositionFix
 from shared.rssi_peaks import Peak, PeakSettings
 from shared.sender import Sender
+from shared.simulation.gnss import GnssReceiver
+from shared.simulation.scenario import load_scenario
+from shared.simulation.walker import simulate_walk
 from shared.units import NS_PER_S
 
 START_NS = 1_700_000_000 * NS_PER_S
@@ -103,3 +108,17 @@ def test_a_known_point_is_told_once_as_time_begins() -> None:
     (fix,) = said_by([Overheard(at(3.0), "r2", -80.0)], DOOR)
     assert isinstance(fix, PositionFix)
     assert (fix.source, fix.position, fix.event_time_ns) == ("known_point", DOOR, at(3.0))
+
+
+def test_a_scenario_with_receivers_gives_fixes_near_the_truth() -> None:
+    scenario = load_scenario("corridor")
+    outdoors = msgspec.structs.replace(scenario, gnss=GnssReceiver(until_m=100.0))
+    assert not any(isinstance(cue, GnssReading) for cue in simulated_cues(scenario, "r1", 1))
+    cues = list(simulated_cues(outdoors, "r1", 1))
+    assert [cue.time_ns for cue in cues] == sorted(cue.time_ns for cue in cues)
+    fixes = [cue for cue in cues if isinstance(cue, GnssReading)]
+    body = simulate_walk(outdoors, "r1", 1).body
+    true_m, _ = body.at(np.array([fix.time_ns / NS_PER_S for fix in fixes]))
+    error_m = np.array([[fix.north_m, fix.east_m] for fix in fixes]) - true_m[:, :2]
+    assert 15 <= len(fixes) <= 30
+    assert np.all(np.abs(error_m) < 4.0 * np.array([fix.sd_m for fix in fixes])[:, None])

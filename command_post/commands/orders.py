@@ -1,0 +1,171 @@
+"""``command-post click`` and ``command-post floor``: tell a running post where somebody is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Annotated
+
+import structlog
+from cyclopts import Parameter, validators
+
+from shared.bus.interface import Bus
+from shared.bus.zenoh_bus import open_zenoh
+from shared.config import checked
+from shared.exercise import ask_clock
+from shared.messages import HeightFix, LocalPosition, Message, PositionFix
+from shared.process import ExitCode
+from shared.sender import Sender
+from shared.topics import alive_key, check_id
+
+DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
+FIND_POST_S = 5.0
+POLL_S = 0.05
+NS_PER_MS = 1_000_000
+
+Deviation = Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))]
+Dialled = Annotated[tuple[str, ...], Parameter(consume_multiple=False)]
+Sayer = Annotated[str, Parameter(name="--id")]
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+def click(
+    *,
+    responder: str,
+    north: float,
+    east: float,
+    down: float = 0.0,
+    sd: Deviation = 2.0,
+    incident: str = "incident",
+    connect: Dialled = DEFAULT_CONNECT,
+    commander_id: Sayer = "commander",
+) -> int:
+    """Say where a responder is now, as by a click on the map: 'he is here'.
+
+    Example: command-post click --incident harbour --responder r1 --north 12.5 --east=-3 --sd 1.5
+
+    Parameters
+    ----------
+    responder
+        Whom it is about.
+    north
+        Metres north of the incident's origin.
+    east
+        Metres east of it.
+    down
+        Metres below it; what floor they are on is better said by 'floor'.
+    sd
+        Give or take so many metres, in each direction (standard deviation).
+    incident
+        Name of the incident.
+    connect
+        The running post, or DAPs, to dial, one an option.
+    commander_id
+        Who says so; another name than the post's.
+
+    """
+
+    def fix(time_ns: int, sequence: int) -> Message:
+        place = LocalPosition(
+            north_m=north, east_m=east, down_m=down, covariance_m2=(sd**2, 0.0, sd**2)
+        )
+        return PositionFix(
+            event_time_ns=time_ns, sequence=sequence,
+            responder_id=responder, source="commander", position=place,
+        )  # fmt: skip
+
+    return _say(fix, incident, commander_id, connect, "--responder", responder)
+
+
+def floor(
+    *,
+    height: float,
+    responder: str | None = None,
+    dap: str | None = None,
+    sd: Deviation = 0.5,
+    incident: str = "incident",
+    connect: Dialled = DEFAULT_CONNECT,
+    commander_id: Sayer = "commander",
+) -> int:
+    """Say on what floor a responder is now, or on what floor a DAP stands.
+
+    Example: command-post floor --incident harbour --responder r1 --height 3.2
+
+    Parameters
+    ----------
+    height
+        Of the floor, in metres above the incident's origin.
+    responder
+        Whom it is about; or a DAP.
+    dap
+        Which DAP it is about; or a responder.
+    sd
+        Give or take so many metres (standard deviation).
+    incident
+        Name of the incident.
+    connect
+        The running post, or DAPs, to dial, one an option.
+    commander_id
+        Who says so; another name than the post's.
+
+    """
+    node_id = responder or dap
+    if node_id is None or (responder and dap):
+        _log.error("floor: give either --responder or --dap")
+        return ExitCode.USAGE
+
+    def fix(time_ns: int, sequence: int) -> Message:
+        return HeightFix(
+            event_time_ns=time_ns, sequence=sequence,
+            node="responder" if responder else "dap", node_id=node_id,
+            down_m=-height, sd_m=sd,
+        )  # fmt: skip
+
+    option = "--responder" if responder else "--dap"
+    return _say(fix, incident, commander_id, connect, option, node_id)
+
+
+def _say(
+    message: Callable[[int, int], Message],
+    incident: str,
+    commander_id: str,
+    connect: tuple[str, ...],
+    option: str,
+    node_id: str,
+) -> int:
+    """Publish ``message(time_ns, sequence)`` at the time of the post's clock, once one listens."""
+    try:
+        check_id(incident, "--incident")
+        check_id(commander_id, "--id")
+        check_id(node_id, option)
+        checked(message(0, 0))
+        with open_zenoh("client", connect=connect) as bus:
+            posts = _find_posts(bus, incident)
+            if not posts:
+                _log.error(f"no post of incident {incident!r} is heard; start it, or see --connect")
+                return ExitCode.FAILURE
+            if commander_id in posts:
+                raise ValueError(f"--id {commander_id!r} is the post's own; give another")
+            now_ns = ask_clock(bus, incident).now_ns()
+            # Every order is a process of its own: counting by the clock, none repeats another.
+            Sender(bus, incident, "post", commander_id).send(message(now_ns, now_ns // NS_PER_MS))
+    except ValueError as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    return ExitCode.OK
+
+
+def _find_posts(bus: Bus, incident: str) -> set[str]:
+    """Return the ids of the posts that are alive, as soon as one is heard."""
+    posts: set[str] = set()
+
+    def note(key: str, is_alive: bool) -> None:
+        if is_alive:
+            posts.add(key.split("/")[-2])
+
+    bus.watch_alive(alive_key(incident, "post", "*"), note)
+    give_up_s = time.monotonic() + FIND_POST_S
+    while not posts and time.monotonic() < give_up_s:
+        time.sleep(POLL_S)
+    return set(posts)

@@ -1,0 +1,101 @@
+"""What a commander says reaches a running post, and its recording."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from structlog.testing import capture_logs
+
+from command_post.__main__ import app
+from command_post.commands import orders
+from shared.codec import Refusal, decode, parse_key
+from shared.mcap_reader import read_recording
+from shared.messages import HeightFix, Message, PositionFix
+from shared.process import ExitCode
+from tests.bus.test_zenoh import free_endpoint
+from tests.waiting import DEADLINE_S
+
+FOR_TEST = ("--incident", "test")
+
+
+def order(*arguments: str) -> int:
+    code = app(list(arguments), exit_on_error=False, result_action="return_value")
+    assert isinstance(code, int)
+    return code
+
+
+def said_by_the_commander(recording: Path) -> Iterator[tuple[str, Message]]:
+    for message in read_recording(recording):
+        key = parse_key(message.key)
+        assert not isinstance(key, Refusal)
+        if key.node_id == "commander":
+            decoded = decode(key, message.payload)
+            assert not isinstance(decoded, Refusal)
+            yield str(key), decoded
+
+
+def test_a_click_and_a_floor_are_recorded_by_the_running_post(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(orders, "FIND_POST_S", DEADLINE_S)
+    endpoint, recording = free_endpoint(), tmp_path / "incident.mcap"
+    command = [sys.executable, "-m", "command_post", "run", *FOR_TEST, "--listen", endpoint,
+               "--record", str(recording)]  # fmt: skip
+    to_post = (*FOR_TEST, "--connect", endpoint)
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as post:
+        try:
+            place = ("--north", "12.5", "--east=-3", "--sd", "1.5")
+            assert order("click", *to_post, "--responder", "r1", *place) == ExitCode.OK
+            assert order("floor", *to_post, "--dap", "dap2", "--height", "3.2") == ExitCode.OK
+            assert order("floor", *to_post, "--responder", "r1", "--height", "0") == ExitCode.OK
+            with capture_logs() as logs:
+                assert (
+                    order("click", *to_post, "--responder", "r1", *place, "--id", "post")
+                    == ExitCode.USAGE
+                )
+            assert "is the post's own" in logs[-1]["event"]
+            post.send_signal(signal.SIGTERM)
+            assert post.wait(DEADLINE_S) == ExitCode.OK
+        finally:
+            post.kill()
+    (click_key, click), (_, dap), (_, floor) = said_by_the_commander(recording)
+    assert click_key == "clew/v1/test/post/commander/fix"
+    assert isinstance(click, PositionFix)
+    assert (click.responder_id, click.source) == ("r1", "commander")
+    assert (click.position.north_m, click.position.east_m) == (12.5, -3.0)
+    assert click.position.covariance_m2 == (2.25, 0.0, 2.25)
+    assert isinstance(dap, HeightFix)
+    assert (dap.node, dap.node_id, dap.down_m, dap.sd_m) == ("dap", "dap2", -3.2, 0.5)
+    assert isinstance(floor, HeightFix)
+    assert (floor.node, floor.node_id) == ("responder", "r1")
+    assert floor.sequence > dap.sequence
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["click", "--responder", "r/1", "--north", "1", "--east", "2"], "--responder 'r/1'"),
+        (["click", "--responder", "r1", "--north", "1e9", "--east", "2"], "position.north_m"),
+        (["click", "--responder", "r1", "--north", "nan", "--east", "2"], "position.north_m"),
+        (["floor", "--height", "3"], "either --responder or --dap"),
+        (["floor", "--height", "3", "--dap", "d1", "--responder", "r1"], "either"),
+        (["floor", "--height", "3", "--dap", "d1", "--connect", "udp"], "write tcp/HOST:PORT"),
+    ],
+)
+def test_mistakes_are_told(arguments: list[str], complaint: str) -> None:
+    with capture_logs() as logs:
+        assert order(*arguments) == ExitCode.USAGE
+    assert complaint in logs[-1]["event"]
+
+
+def test_without_a_post_there_is_nobody_to_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(orders, "FIND_POST_S", 0.1)
+    with capture_logs() as logs:
+        code = order("floor", "--height", "3", "--dap", "d1", "--connect", free_endpoint())
+    assert code == ExitCode.FAILURE
+    assert any("no post of incident" in entry["event"] for entry in logs)
