@@ -168,13 +168,6 @@ def from_bytes(saved: bytes) -> Cloud:
     return _frozen(lanes, (float(north_m), float(east_m)))
 
 
-def prepare() -> None:
-    """Have the machine code built, or loaded: seconds once after an installation, then none."""
-    at_origin = Mixture(np.ones(1), np.zeros((1, 4)), np.eye(4)[None])
-    places(spawn(at_origin, LANES, _ANY_KEY))
-    moments(spawn(at_origin, LANES, _ANY_KEY))
-
-
 def _without_resampling(model: CloudModel) -> CloudModel:
     return msgspec.structs.replace(model, resample_below=0.0)
 
