@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from itertools import chain
 
+from edge_agent.alarm_repeats import AlarmRepeats
 from edge_agent.alarms import AlarmEvent, AlarmWatch
 from edge_agent.inertial.activity import ActivityClassifier
-from edge_agent.mounts.intake import LARGEST_READING
+from edge_agent.mounts.intake import readable
 from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.self_check import HealthReport, SelfCheck
 from edge_agent.sources.opening import Reading, TruePlace
@@ -18,7 +19,6 @@ from edge_agent.whereabouts import Whereabouts
 from shared.messages import (
     HIGHEST_PRESSURE_PA,
     Alarm,
-    AlarmKind,
     ImuBatch,
     ImuSample,
     LocalPosition,
@@ -33,7 +33,6 @@ from shared.units import NS_PER_S
 
 IMU_BATCH_S = 0.25
 MOST_IN_A_BATCH = 500
-ALARM_REPEAT_NS = 5 * NS_PER_S
 
 
 class Agent:
@@ -61,11 +60,9 @@ class Agent:
         self._sends_imu = sends_imu
         self._classifier = ActivityClassifier()
         self._alarm_watch = AlarmWatch()
+        self._alarm_repeats = AlarmRepeats()
         self._self_check = SelfCheck(mount.faults)
         self._whereabouts = Whereabouts(sender, stands_at)
-        self._standing: dict[AlarmKind, tuple[AlarmEvent, int]] = {}
-        """The alarms that stand, and when each was last said."""
-
         self._batch: list[ImuSample] = []
         self._told_sd_rad: float | None = None
         self._moved = False
@@ -119,15 +116,9 @@ class Agent:
 
     def _watch(self, sample: ImuSample) -> None:
         """Send the alarms and the findings that a sample gives rise to."""
-        for event in self._alarm_watch.take_sample(sample):
-            self._standing.pop(event.kind, None)
-            if event.phase != "cancelled":
-                self._standing[event.kind] = (event, sample.time_ns)
+        events = self._alarm_watch.take_sample(sample)
+        for event in self._alarm_repeats.due(events, sample.time_ns):
             self._send_alarm(event)
-        for kind, (event, said_ns) in self._standing.items():
-            if not 0 <= sample.time_ns - said_ns < ALARM_REPEAT_NS:
-                self._standing[kind] = (event, sample.time_ns)
-                self._send_alarm(event)
         report = self._self_check.take_sample(sample)
         if report is not None:
             self._send_health(report)
@@ -146,7 +137,7 @@ class Agent:
 
     def _record(self, sample: ImuSample) -> None:
         # A batch with one number out of bounds would be refused whole.
-        if any(not abs(x) <= LARGEST_READING for x in (*sample.force_m_s2, *sample.rate_rad_s)):
+        if not readable(sample):
             return
         # All samples of a batch have a field, or none has.
         if self._batch and (self._batch[0].field_ut is None) != (sample.field_ut is None):

@@ -87,7 +87,8 @@ class AlarmWatch:
         One that no sensor can have read, or that is not later than the last, is passed over;
         a clock that stays set back is believed, and what stillness there was still counts.
         """
-        force_m_s2 = math.hypot(*sample.force_m_s2)
+        fx, fy, fz = sample.force_m_s2
+        force_m_s2 = math.sqrt(fx * fx + fy * fy + fz * fz)
         if not force_m_s2 <= LARGEST_READING:
             return []
         stillness, now_ns, before_ns = self._stillness, sample.time_ns, self._stillness.newest_ns
@@ -96,9 +97,9 @@ class AlarmWatch:
                 self._fall = _FallSigns(self._settings)
             return []
         self._fall.take(now_ns, force_m_s2, stillness, self.flat)
-        if stillness.still_since_ns == now_ns:
-            return self._cancel(now_ns)
-        return self._raise(now_ns)
+        if stillness.still_since_ns != now_ns:
+            return self._raise(now_ns)
+        return self._cancel(now_ns) if self._fallen or self._motionless != "cancelled" else []
 
     def _raise(self, now_ns: int) -> list[AlarmEvent]:
         """Return the alarms that stillness until now makes due."""
@@ -136,14 +137,19 @@ class AlarmWatch:
 
 
 class _Stillness:
-    """Since when the boot has been still, or moving; ``force_m_s2`` is averaged over seconds."""
+    """Since when the boot has been still, or moving.
+
+    ``force_m_s2`` is averaged over ``slow_s``, ``quick_force_m_s2`` over ``quick_s``.
+    """
 
     def __init__(self, settings: AlarmSettings) -> None:
-        self._settings = settings
+        self._moving_rad2_s2, self._moving_m2_s4 = settings.moving_rad_s**2, settings.moving_m_s2**2
+        self._moving_s, self._gap_s = settings.moving_s, settings.gap_s
+        self._quick_s, self._slow_s = settings.quick_s, settings.slow_s
         self.newest_ns = -1
         self._backward = 0
-        self._quick: Vector3 = (0.0, 0.0, 0.0)
         self._stirred_s = 0.0
+        self.quick_force_m_s2: Vector3 = (0.0, 0.0, 0.0)
         self.force_m_s2: Vector3 = (0.0, 0.0, 0.0)
         self.still_since_ns = 0
         """The newest sample's time while the boot moves."""
@@ -154,7 +160,7 @@ class _Stillness:
         """Take in a sample; return whether it tells anything."""
         wx, wy, wz = sample.rate_rad_s
         rate2 = wx * wx + wy * wy + wz * wz
-        now_ns, last_ns, settings = sample.time_ns, self.newest_ns, self._settings
+        now_ns, last_ns = sample.time_ns, self.newest_ns
         if not rate2 <= LARGEST_READING**2:
             return False
         if now_ns <= last_ns:
@@ -165,28 +171,34 @@ class _Stillness:
         self._backward = 0
         self.newest_ns = now_ns
         if last_ns < 0:
-            self._quick = self.force_m_s2 = sample.force_m_s2
+            self.quick_force_m_s2 = self.force_m_s2 = sample.force_m_s2
             self.still_since_ns = self.moving_since_ns = now_ns
             return False
         since_s = (now_ns - last_ns) / NS_PER_S
-        if since_s > settings.gap_s:
+        if since_s > self._gap_s:
             # Nobody knows what happened meanwhile.
             self.still_since_ns += now_ns - last_ns
             return False
-        off_m_s2 = self._average(sample.force_m_s2, since_s)
-        turns = rate2 > settings.moving_rad_s**2
-        if turns:
+        moves = self._average(sample.force_m_s2, since_s) > self._moving_m2_s4
+        if rate2 > self._moving_rad2_s2:
+            moves = True
             # It comes to rest in another posture: the old one must not pass for motion then.
-            self.force_m_s2 = self._quick
-        if turns or off_m_s2 > settings.moving_m_s2:
-            self._stirred_s = min(self._stirred_s + since_s, 2.0 * settings.moving_s)
-        else:
-            self._stirred_s = max(self._stirred_s - since_s, 0.0)
-        if self._stirred_s >= settings.moving_s:
+            self.force_m_s2 = self.quick_force_m_s2
+        self._stir(now_ns, since_s, moves=moves)
+        return True
+
+    def _stir(self, now_ns: int, since_s: float, *, moves: bool) -> None:
+        """Note whether the boot moves; it has been still until it has moved for a while."""
+        stirred_s = self._stirred_s
+        if moves:
+            stirred_s = min(stirred_s + since_s, 2.0 * self._moving_s)
+        elif stirred_s > 0.0:
+            stirred_s = max(stirred_s - since_s, 0.0)
+        self._stirred_s = stirred_s
+        if stirred_s >= self._moving_s:
             if now_ns - self.still_since_ns > PAUSE_S * NS_PER_S:
                 self.moving_since_ns = now_ns
             self.still_since_ns = now_ns
-        return True
 
     def _move_times(self, now_ns: int) -> None:
         """Carry what is known over to a clock that has been set back to ``now_ns``."""
@@ -196,21 +208,22 @@ class _Stillness:
         self.newest_ns, self._backward = now_ns, 0
 
     def _average(self, force_m_s2: Vector3, since_s: float) -> float:
-        """Follow specific force quickly and slowly; return how far apart the two are."""
-        settings = self._settings
-        a = min(1.0, since_s / settings.quick_s)
-        b = min(1.0, since_s / settings.slow_s)
+        """Follow specific force quickly and slowly; return the square of how far these differ."""
+        a, b = since_s / self._quick_s, since_s / self._slow_s
+        if a > 1.0:
+            a, b = 1.0, min(1.0, b)
         fx, fy, fz = force_m_s2
-        x, y, z = self._quick
-        x, y, z = self._quick = x + a * (fx - x), y + a * (fy - y), z + a * (fz - z)
+        x, y, z = self.quick_force_m_s2
+        x += a * (fx - x)
+        y += a * (fy - y)
+        z += a * (fz - z)
         u, v, w = self.force_m_s2
-        u, v, w = self.force_m_s2 = u + b * (fx - u), v + b * (fy - v), w + b * (fz - w)
-        return math.sqrt((x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2)
-
-    @property
-    def quick_force_m_s2(self) -> Vector3:
-        """Specific force averaged over ``quick_s``."""
-        return self._quick
+        u += b * (fx - u)
+        v += b * (fy - v)
+        w += b * (fz - w)
+        self.quick_force_m_s2, self.force_m_s2 = (x, y, z), (u, v, w)
+        x, y, z = x - u, y - v, z - w
+        return x * x + y * y + z * z
 
 
 class _FallSigns:
@@ -218,6 +231,7 @@ class _FallSigns:
 
     def __init__(self, settings: AlarmSettings) -> None:
         self._settings = settings
+        self._impact_limit_m_s2 = settings.impact_m_s2
         self._flat_ns: int | None = None
         self._look_ns = 0
         self._impact_ns: int | None = None
@@ -230,7 +244,7 @@ class _FallSigns:
     ) -> None:
         """Note an impact, and from time to time whether the boot is flat."""
         settings = self._settings
-        if force_m_s2 >= settings.impact_m_s2:
+        if force_m_s2 >= self._impact_limit_m_s2:
             stood_ns = self._flat_ns
             if stood_ns is not None and now_ns - stood_ns <= settings.upright_s * NS_PER_S:
                 before_ns = self._impact_ns

@@ -100,6 +100,7 @@ class SelfCheck:
         self._settings = settings or SelfCheckSettings()
         self._counted = replace(faults)
         self._samples: list[ImuSample] = []
+        self._stall_ns = round(self._settings.stall_s * NS_PER_S)
         self._block_from_ns: int | None = None
         self._newest_ns = 0
         self._blocks: deque[_Block] = deque(maxlen=BLOCKS)
@@ -132,8 +133,8 @@ class SelfCheck:
 
         It bears the time at which that became certain, whenever it is asked for.
         """
-        stalled_ns = self._newest_ns + round(self._settings.stall_s * NS_PER_S)
-        if self._block_from_ns is None or now_ns < stalled_ns or self._told == _STALLED:
+        stalled_ns = self._newest_ns + self._stall_ns
+        if now_ns < stalled_ns or self._block_from_ns is None or self._told == _STALLED:
             return None
         return self._report(stalled_ns, _STALLED)
 

@@ -133,7 +133,7 @@ class Alarm(Message, frozen=True, kw_only=True):
     """An alarm of a responder's unit begins, gets worse, goes on, or is over.
 
     An alarm that stands is said again every few seconds, with the time at which its phase began
-    in ``event_time_ns``; ``cancelled`` ends it.
+    in ``event_time_ns``; ``cancelled`` ends it, and is said a few times.
     """
 
     kind: AlarmKind

@@ -44,7 +44,7 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     path that turns right, ``vertical_end_error_m`` for one that ends too low. ``coverage95_pct``
     is no error: 95 is what it should be; ``coverage95_whole_path_pct`` would be lower on any walk
     along which heading drifts, and ``vertical_coverage95_pct`` is that of height.
-    ``samples_per_s`` is what the mount alone took in, on the machine and the day it was measured.
+    ``samples_per_s`` is what the mount alone took in per second of one processor's time.
     ``failure`` says why there is no score; the trial still counts.
     """
 

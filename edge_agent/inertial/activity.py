@@ -12,6 +12,8 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+import numpy as np
+
 from edge_agent.confidence import confidence_of
 from edge_agent.mounts.interface import Increment
 from shared.maths.angles import wrap_rad
@@ -136,20 +138,19 @@ class ActivityClassifier:
         samples = self._samples
         while samples and samples[0].time_ns < start_ns - edge_ns:
             samples.popleft()
-        start, end = _Mean(), _Mean()
-        peak_rad2_s2 = 0.0
-        for sample in samples:
-            time_ns = sample.time_ns
-            if time_ns <= start_ns + edge_ns // 2:
-                start.add(sample.force_m_s2)
-            if end_ns - edge_ns <= time_ns <= end_ns + edge_ns // 2:
-                end.add(sample.force_m_s2)
-            if start_ns <= time_ns <= end_ns:
-                x, y, z = sample.rate_rad_s
-                peak_rad2_s2 = max(peak_rad2_s2, x * x + y * y + z * z)
-        start_up, end_up = start.direction(), end.direction()
+        held = list(samples)
+        time_ns = np.fromiter((sample.time_ns for sample in held), np.int64, len(held))
+        before = time_ns <= start_ns + edge_ns // 2
+        after = (end_ns - edge_ns <= time_ns) & (time_ns <= end_ns + edge_ns // 2)
+        start_up, end_up = (
+            _direction([held[row].force_m_s2 for row in np.flatnonzero(edge).tolist()])
+            for edge in (before, after)
+        )
         if start_up is None or end_up is None:
             return None
+        during = np.flatnonzero((start_ns <= time_ns) & (time_ns <= end_ns)).tolist()
+        rates_rad_s = [held[row].rate_rad_s for row in during]
+        peak_rad2_s2 = max([0.0, *(x * x + y * y + z * z for x, y, z in rates_rad_s)])
         north_m, east_m, down_m = increment.displacement_m
         facing_rad = increment.heading_rad - 0.5 * increment.d_heading_rad
         return _Stride(
@@ -267,24 +268,13 @@ class ActivityClassifier:
         return confidence_of(margin_m_s, self._settings.speed_width_m_s)
 
 
-class _Mean:
-    """Sum of vectors, for the direction of their mean."""
-
-    def __init__(self) -> None:
-        self._x = self._y = self._z = 0.0
-
-    def add(self, vector: Vector3) -> None:
-        x, y, z = vector
-        self._x += x
-        self._y += y
-        self._z += z
-
-    def direction(self) -> Vector3 | None:
-        """Return the unit vector along the mean, ``None`` of nothing or of what is not finite."""
-        length = math.hypot(self._x, self._y, self._z)
-        if not 0.0 < length < math.inf:
-            return None
-        return (self._x / length, self._y / length, self._z / length)
+def _direction(vectors: list[Vector3]) -> Vector3 | None:
+    """Return the unit vector along the mean, ``None`` of nothing or of what is not finite."""
+    x, y, z = map(sum, zip(*vectors, strict=True)) if vectors else (0.0, 0.0, 0.0)
+    length = math.hypot(x, y, z)
+    if not 0.0 < length < math.inf:
+        return None
+    return (x / length, y / length, z / length)
 
 
 def _angle_deg(a: Vector3, b: Vector3) -> float:

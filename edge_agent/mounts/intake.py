@@ -15,6 +15,20 @@ RESTART_AFTER = 100
 """This many samples running that go back in time: the source's clock was set back."""
 
 
+def readable(sample: ImuSample) -> bool:
+    """Whether a sensor can have read this; a comparison with NaN is false."""
+    fx, fy, fz = sample.force_m_s2
+    wx, wy, wz = sample.rate_rad_s
+    return (
+        -LARGEST_READING <= fx <= LARGEST_READING
+        and -LARGEST_READING <= fy <= LARGEST_READING
+        and -LARGEST_READING <= fz <= LARGEST_READING
+        and -LARGEST_READING <= wx <= LARGEST_READING
+        and -LARGEST_READING <= wy <= LARGEST_READING
+        and -LARGEST_READING <= wz <= LARGEST_READING
+    )
+
+
 class Verdict(Enum):
     """What to do with a sample: take it, pass it over, or take it as the first of a new time."""
 
@@ -34,10 +48,9 @@ class Intake:
 
     def judge(self, sample: ImuSample) -> Verdict:
         """Return what to do with ``sample``."""
-        for reading in (*sample.force_m_s2, *sample.rate_rad_s):
-            if not -LARGEST_READING <= reading <= LARGEST_READING:
-                self._faults.unusable += 1
-                return Verdict.PASS
+        if not readable(sample):
+            self._faults.unusable += 1
+            return Verdict.PASS
         newest_ns = self._newest_ns
         if newest_ns is None or sample.time_ns > newest_ns:
             if newest_ns is not None and sample.time_ns - newest_ns > self._gap_ns:

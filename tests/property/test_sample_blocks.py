@@ -15,18 +15,8 @@ from edge_agent.inertial.boot_tracker import BootTracker
 from edge_agent.mounts.methods import MethodName, make_mount
 from edge_agent.sources.recording import Recording
 from shared.units import NS_PER_S
+from tests.recorded import recorded
 from tests.synthetic_boot import SyntheticWalk
-
-
-def recorded(walk: SyntheticWalk, rate_hz: float) -> Recording:
-    samples = list(walk.samples(rate_hz))
-    return Recording(
-        np.array([sample.time_ns for sample in samples]),
-        np.array([sample.force_m_s2 for sample in samples]),
-        np.array([sample.rate_rad_s for sample in samples]),
-        np.array([sample.field_ut for sample in samples]) if walk.field_ut else None,
-    )
-
 
 FIELD_UT = (22.0, 0.0, 41.0)
 WALK = recorded(SyntheticWalk(strides=5, turn_rad=0.2, field_ut=FIELD_UT), 100.0)

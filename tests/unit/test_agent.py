@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
+from types import FrameType
 
 import msgspec
 import pytest
@@ -30,6 +32,7 @@ from shared.messages import (
 )
 from shared.process import ExitCode
 from shared.sender import Sender
+from tests.synthetic_boot import SyntheticWalk
 
 CORRIDOR = "corridor"
 
@@ -137,15 +140,35 @@ def still(agent: Agent, from_s: float, to_s: float, rate_rad_s: float = 0.0) -> 
         agent.take(reading)
 
 
-def test_an_alarm_goes_out_at_once_and_again_while_it_stands(
+def test_an_alarm_goes_out_at_once_and_again_and_so_does_its_end(
     agent: Agent, heard: list[Received]
 ) -> None:
     still(agent, 0.0, 41.0)
-    still(agent, 41.0, 43.0, rate_rad_s=2.0)
+    still(agent, 41.0, 55.0, rate_rad_s=2.0)
     alarms = [m for m in messages(heard) if isinstance(m, Alarm)]
-    assert [m.phase for m in alarms] == [*["pre_alarm"] * 2, *["alarm"] * 3, "cancelled"]
+    assert [m.phase for m in alarms] == [*["pre_alarm"] * 2, *["alarm"] * 3, *["cancelled"] * 3]
     assert [(m.event_time_ns - 10**18) / 1e9 for m in alarms[:5]] == [20.0, 20.0, 30.0, 30.0, 30.0]
-    assert [m.sequence for m in alarms] == list(range(6))
+    assert [m.sequence for m in alarms] == list(range(8))
+
+
+def test_a_sample_asks_for_few_calls() -> None:
+    """A sample's cost, counted: ten times as many calls would not keep up with a fast sensor."""
+    sender = Sender(MemoryNetwork().connect(), "fire", "responder", "r1")
+    agent = Agent(sender, make_mount("boot", "eskf"), "eskf", None)
+    samples = list(SyntheticWalk(strides=8).samples(200.0))
+    calls = 0
+
+    def count(_: FrameType, event: str, __: object) -> None:
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    sys.setprofile(count)
+    try:
+        for sample in samples:
+            agent.take(sample)
+    finally:
+        sys.setprofile(None)
+    assert calls < 60 * len(samples)
 
 
 def test_a_stream_that_stops_is_a_fault_however_late_it_is_noticed(
