@@ -11,6 +11,7 @@ import math
 from collections import deque
 from dataclasses import replace
 from itertools import chain
+from statistics import median
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -225,7 +226,7 @@ class SelfCheck:
 
     def _of_rate(self) -> list[_Finding]:
         nominal_hz = self._settings.nominal_rate_hz
-        rate_hz = float(np.median([block.rate_hz for block in self._blocks]))
+        rate_hz = median(block.rate_hz for block in self._blocks)
         if nominal_hz is None or abs(rate_hz / nominal_hz - 1.0) <= self._settings.rate_share:
             return []
         words = f"Boot sensor reads {rate_hz:.1f} times a second, not {nominal_hz:.0f}: set it up"
@@ -291,7 +292,7 @@ def _pace(step_s: Array) -> tuple[float, float]:
     step_s = step_s[step_s >= 0.0]
     if not step_s.size or step_s.sum() == 0.0:
         return 0.0, 0.0
-    usual_s = float(np.median(step_s))
+    usual_s = median(step_s.tolist())
     if np.mean(step_s < max(0.5 * usual_s, SHORTEST_PERIOD_S)) > BUNCHED_SHARE:
         return 0.0, step_s.size / float(step_s.sum())
     return float(np.sum(np.maximum(np.round(step_s / usual_s) - 1.0, 0.0))), 1.0 / usual_s

@@ -17,7 +17,6 @@ from shared.sender import Sender
 from tests.recorded import recorded
 from tests.synthetic_boot import SyntheticWalk
 
-
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 
 
