@@ -1,12 +1,12 @@
-"""``edge-agent``: arguments and wiring."""
+"""``edge-agent``: arguments and wiring.
+
+A command's module is imported when it is run: an agent starts without what scoring takes.
+"""
 
 from __future__ import annotations
 
 from cyclopts import App
 
-from edge_agent.commands.evaluate import evaluate
-from edge_agent.commands.follow import rehearse, run
-from edge_agent.commands.prepare import prepare
 from shared.command_line import run_command_line
 
 app = App(
@@ -14,10 +14,10 @@ app = App(
     help="Follow a responder by the sensor on their boot.",
     version_flags=["--version"],
 )
-app.command(run)
-app.command(rehearse)
-app.command(prepare)
-app.command(evaluate)
+app.command("edge_agent.commands.follow:run")
+app.command("edge_agent.commands.follow:rehearse")
+app.command("edge_agent.commands.prepare:prepare")
+app.command("edge_agent.commands.evaluate:evaluate")
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from edge_agent.inertial.activity import ActivityClassifier
 from edge_agent.mounts.intake import readable
 from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.self_check import HealthReport, SelfCheck
-from edge_agent.sources.opening import Reading, TruePlace
+from edge_agent.sources.reading import Reading, TruePlace
 from edge_agent.whereabouts import Whereabouts
 from shared.messages import (
     HIGHEST_PRESSURE_PA,

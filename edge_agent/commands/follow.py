@@ -17,7 +17,8 @@ from edge_agent.agent import Agent
 from edge_agent.commands.strides import rehearse_strides
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
-from edge_agent.sources.opening import Reading, Source, open_source
+from edge_agent.sources.opening import open_source
+from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
 from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh

@@ -14,7 +14,8 @@ from structlog.testing import capture_logs
 from edge_agent.__main__ import app
 from edge_agent.agent import Agent
 from edge_agent.mounts.methods import make_mount
-from edge_agent.sources.opening import TruePlace, open_source
+from edge_agent.sources.opening import open_source
+from edge_agent.sources.reading import TruePlace
 from edge_agent.sources.recording import SourceError
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
