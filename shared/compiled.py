@@ -40,18 +40,28 @@ def direct(kernel: Kernel) -> Kernel:
     return cast(Kernel, cast(Any, machine_code).entry_point)
 
 
+def is_kept(kernel: Callable[..., object]) -> bool:
+    """Whether there is machine code of ``kernel`` on disk, so that calling it is no long wait."""
+    return bool(_indexes(cast(Dispatcher, kernel)))
+
+
 def _drop_stale(dispatcher: Dispatcher, function: Callable[..., object]) -> None:
     """Forget machine code older than any source in the kernel's folder.
 
     A kernel is stored with those it calls, but numba looks for changes only in its own file.
     """
-    folder = dispatcher.stats.cache_path
-    if folder is None:
-        return
     changed_ns = _sources_changed_ns(Path(inspect.getfile(function)).parent)
-    for index in Path(folder).glob(f"*.{function.__qualname__}-*.nbi"):
+    for index in _indexes(dispatcher):
         if index.stat().st_mtime_ns < changed_ns:
             index.unlink(missing_ok=True)
+
+
+def _indexes(dispatcher: Dispatcher) -> list[Path]:
+    """Return the files that list what machine code of a kernel is kept on disk."""
+    folder = dispatcher.stats.cache_path
+    if folder is None:
+        return []
+    return list(Path(folder).glob(f"*.{dispatcher.py_func.__qualname__}-*.nbi"))
 
 
 @cache

@@ -1,46 +1,34 @@
-"""``edge-agent run`` and ``edge-agent rehearse``: follow a responder, live or offline."""
+"""``edge-agent run``: follow a responder, live."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
-from pathlib import Path
 from threading import Event
 from typing import Annotated
 
 import structlog
 from cyclopts import Parameter, validators
-from rich.console import Console
-from rich.progress import track
 
 from edge_agent.agent import Agent
-from edge_agent.commands.strides import rehearse_strides
+from edge_agent.commands.prepare import prepared_mount
 from edge_agent.mounts.interface import Faults
-from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
+from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
-from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh
-from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
+from shared.clock import Clock, ScaledClock, SystemClock
 from shared.config import ConfigError, checked
-from shared.exercise import (
-    REHEARSAL_INCIDENT,
-    REHEARSAL_START_NS,
-    OdometrySource,
-    await_exercise,
-    seeds_in,
-)
-from shared.messages import LocalPosition, NodeId, TrackStart
+from shared.exercise import await_exercise
+from shared.messages import LocalPosition, TrackStart
 from shared.process import (
     ExitCode,
-    end_with_parent,
     stop_on_signals,
     stop_with_parent,
     wait_until,
 )
 from shared.sender import Sender
-from shared.simulation.scenario import load_scenario
 from shared.topics import alive_key, check_id, finished_key
 
 DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
@@ -107,8 +95,9 @@ def run(
     try:
         check_id(incident, "--incident")
         check_id(responder_id, "--id")
+        # A sensor that is read already would wait, or lose, what comes while code is built.
+        mount = prepared_mount(method)
         opened = open_source(source, responder_id, seed)
-        mount = make_mount("boot", method)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         with stop_on_signals() as stop, open_zenoh("client", connect=connect) as bus:
             if with_parent:
@@ -131,74 +120,6 @@ def run(
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
-
-
-def rehearse(
-    scenario: str,
-    *,
-    seeds: str = "1",
-    method: MethodName = DEFAULT_METHOD,
-    odometry: OdometrySource = "imu",
-    output: Path,
-    imu: bool = True,
-    with_parent: Annotated[bool, Parameter(show=False)] = False,
-) -> int:
-    """Follow all responders of a scenario offline, and write what they would have published.
-
-    Leaves a wire log for each responder, OUTPUT/SEED/RESPONDER.wire. Example: edge-agent rehearse
-    four_daps --seeds 0-9 --output logs
-
-    Parameters
-    ----------
-    scenario
-        A packaged scenario's name, or a TOML file.
-    seeds
-        One seed, or the first and the last: 0-9.
-    method
-        How the boot's sensor is read.
-    odometry
-        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
-    output
-        Folder for the logs.
-    imu
-        Publish the raw samples as well, for the record.
-    with_parent
-        End when standard input closes.
-
-    """
-    if with_parent:
-        end_with_parent()
-    try:
-        exercise = load_scenario(scenario)
-        jobs = [(seed, one) for seed in seeds_in(seeds) for one in exercise.responders]
-        console = Console(stderr=True)
-        for seed, responder_id in track(
-            jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
-        ):
-            if odometry == "strides":
-                rehearse_strides(exercise, responder_id, seed, output / str(seed))
-                continue
-            source = open_source(f"simulated:{scenario}", responder_id, seed)
-            _rehearse(source, responder_id, method, output / str(seed), sends_imu=imu)
-    except (ConfigError, SourceError, ValueError, OSError) as error:
-        _log.error(str(error))
-        return ExitCode.USAGE
-    return ExitCode.OK
-
-
-def _rehearse(
-    source: Source, responder_id: NodeId, method: MethodName, folder: Path, *, sends_imu: bool
-) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    clock = ManualClock(REHEARSAL_START_NS)
-    with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
-        sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
-        mount = make_mount("boot", method)
-        agent = Agent(sender, mount, method, source.start, sends_imu=sends_imu)
-        for reading in source.beginning_at(REHEARSAL_START_NS):
-            clock.set_ns(reading.time_ns)
-            agent.take(reading)
-        agent.finish()
 
 
 def _take_part(

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from time import perf_counter
 from typing import Annotated
 
+import structlog
 from cyclopts import Parameter
 
-from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
+from edge_agent.mounts.interface import Mount
+from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, is_built, make_mount
 from shared.process import ExitCode, end_with_parent
+
+_log = structlog.stdlib.get_logger(__name__)
 
 
 def prepare(
@@ -30,5 +35,15 @@ def prepare(
     """
     if with_parent:
         end_with_parent()
-    make_mount("boot", method)
+    prepared_mount(method)
     return ExitCode.OK
+
+
+def prepared_mount(method: MethodName) -> Mount:
+    """Return a new boot mount, whose first sample will wait for nothing; say what takes time."""
+    if not is_built(method):
+        _log.info("building machine code, once: some thirty seconds", method=method)
+    began_s = perf_counter()
+    mount = make_mount("boot", method)
+    _log.info("boot method ready", method=method, seconds=round(perf_counter() - began_s, 2))
+    return mount

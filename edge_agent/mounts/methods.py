@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal, TypeAlias
 
+from edge_agent.inertial.sample_intake import take
 from edge_agent.mounts.boot import BootMount
 from edge_agent.mounts.boot_eskf import EskfBootMount
 from edge_agent.mounts.interface import Mount
+from shared.compiled import is_kept
 
 MountName: TypeAlias = Literal["boot"]
 MethodName: TypeAlias = Literal["eskf", "linear"]
@@ -27,3 +29,8 @@ def make_mount(mount: MountName, method: MethodName) -> Mount:
     a crawl to a sprint. ``linear``: linear-calibrated zero-velocity update, as published.
     """
     return _MOUNTS[mount, method]()
+
+
+def is_built(method: MethodName) -> bool:
+    """Whether a mount that reads by ``method`` finds its machine code on disk, if it has any."""
+    return method != "eskf" or is_kept(take)

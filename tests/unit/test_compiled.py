@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from shared import compiled as module
-from shared.compiled import compiled, direct
+from shared.compiled import compiled, direct, is_kept
 
 
 def doubled(number: float) -> float:
@@ -28,13 +28,16 @@ def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(
         return original(**options)
 
     monkeypatch.setattr(module, "njit", nowhere)
-    assert compiled(doubled)(4.0) == 8.0
+    kernel = compiled(doubled)
+    assert kernel(4.0) == 8.0
+    assert not is_kept(kernel)
 
 
 def test_machine_code_older_than_any_kernel_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     kernel: Any = compiled(doubled)
     kernel(4.0)
     (index,) = Path(kernel.stats.cache_path).glob("*.doubled-*.nbi")
+    assert is_kept(kernel)
     again: Any = compiled(doubled)
     assert index.exists()
     assert again(4.0) == 8.0
@@ -43,6 +46,7 @@ def test_machine_code_older_than_any_kernel_is_forgotten(monkeypatch: pytest.Mon
     monkeypatch.setattr(module, "_sources_changed_ns", lambda _: later_ns)
     compiled(doubled)
     assert not index.exists()
+    assert not is_kept(kernel)
 
 
 def test_machine_code_called_directly_is_the_kernel() -> None:
