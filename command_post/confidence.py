@@ -36,3 +36,17 @@ def inside95(error_m: Floats, covariance_m2: Floats) -> NDArray[np.bool_]:
     on_centre = (north == 0.0) & (east == 0.0)
     inside = (determinant > 0.0) & (scaled <= CHI_SQUARE_95 * determinant)
     return np.asarray(on_centre | inside)
+
+
+def normalised_squared_error(error_m: Floats, covariance_m2: Floats) -> Floats:
+    """Return errors (n, ≥2: north, east) squared and normalised by (n, 3: nn, ne, ee).
+
+    The square of the Mahalanobis distance. Where an ellipse has no area it is infinite.
+    """
+    north, east = error_m[:, 0], error_m[:, 1]
+    nn, ne, ee = covariance_m2.T
+    determinant = nn * ee - ne**2
+    scaled = ee * north**2 - 2.0 * ne * north * east + nn * east**2
+    told = np.full(len(scaled), np.inf)
+    np.divide(scaled, determinant, out=told, where=determinant > 0.0)
+    return told

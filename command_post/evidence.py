@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,6 +18,7 @@ from shared.messages import (
     LocalPosition,
     Message,
     OdometryIncrement,
+    Outline,
     TrackEstimate,
     TrackStart,
     Truth,
@@ -26,7 +28,7 @@ from shared.units import NS_PER_S
 
 Floats: TypeAlias = NDArray[np.float64]
 
-Method: TypeAlias = Literal["pdr", "live"]
+Method: TypeAlias = Literal["pdr", "live", "after"]
 _Mark: TypeAlias = tuple[int, int]
 """Event time and number of a message, which tell it from the others of its sender and kind."""
 
@@ -34,15 +36,20 @@ _Mark: TypeAlias = tuple[int, int]
 class Track(NamedTuple):
     """Places in the order of time: ``time_s`` (n ≥ 1,), ``position_m`` (n, 3: north, east, down).
 
-    ``covariance_m2`` (n, 3: nn, ne, ee) where there is one.
+    ``covariance_m2`` (n, 3: nn, ne, ee) where there is one; ``regions_m``, by index of the place,
+    the outlines that tell more than it does.
     """
 
     time_s: Floats
     position_m: Floats
     covariance_m2: Floats | None = None
+    regions_m: Mapping[int, tuple[Outline, ...]] = MappingProxyType({})
 
     def at(self, time_s: Floats) -> Track:
-        """Return the track at other times (m,): straight lines between, at rest beyond the ends."""
+        """Return the track at other times (m,): straight lines between, at rest beyond the ends.
+
+        Regions are not carried over.
+        """
         covariance_m2 = self.covariance_m2
         return Track(
             time_s,
@@ -62,6 +69,8 @@ class Evidence:
         self._dap_truth: defaultdict[str, dict[_Mark, Truth]] = defaultdict(dict)
         self._dap_estimates: defaultdict[str, dict[_Mark, DapEstimate]] = defaultdict(dict)
         self._installations: defaultdict[str, dict[_Mark, DapInstallation]] = defaultdict(dict)
+        self._smoothed: dict[str, Track] | None = None
+        self._smoothed_daps_m: dict[str, Floats] = {}
 
     def add(self, key: Key, message: Message) -> None:
         """Take in a message that was heard or published under ``key``; others are passed over."""
@@ -88,12 +97,25 @@ class Evidence:
         if not isinstance(key, Refusal) and not isinstance(message, Refusal):
             self.add(key, message)
 
+    def add_afterwards(self, tracks: Mapping[str, Track], daps_m: Mapping[str, Floats]) -> None:
+        """Take in what is held of everybody's way, and of where DAPs stand (3,), afterwards."""
+        self._smoothed = dict(sorted(tracks.items()))
+        self._smoothed_daps_m = dict(daps_m)
+
+    @property
+    def is_smoothed(self) -> bool:
+        """Whether there is anything that was made of it afterwards."""
+        return self._smoothed is not None
+
     def tracks(self, method: Method) -> dict[str, Track]:
         """Return each responder's track by id, in the order of the ids.
 
-        ``live`` is what the post said of each moment at last; ``pdr`` sums the increments up from
-        the newest start before them, unturned. A responder without a start has no such track.
+        ``live`` is what the post said of each moment at last, ``after`` what it made of everything
+        afterwards; ``pdr`` sums the increments up from the newest start before them, unturned. A
+        responder without a start has no such track.
         """
+        if method == "after":
+            return self._smoothed or {}
         if method == "live":
             return {name: _live_track(said) for name, said in sorted(self._estimates.items())}
         return {name: self._dead_reckoning(name) for name in sorted(self._starts)}
@@ -120,15 +142,17 @@ class Evidence:
         newest = {name: said[max(said)] for name, said in self._dap_truth.items()}
         return {name: _vector(newest[name]) for name in sorted(newest)}
 
-    def dap_errors_m(self) -> dict[str, float]:
+    def dap_errors_m(self, method: Method = "live") -> dict[str, float]:
         """Return the horizontal errors of the DAPs that somebody set down, by id.
 
-        One at a known point, that nobody carried there, says nothing of the tracking.
+        One at a known point, that nobody carried there, says nothing of the tracking; and by dead
+        reckoning alone there are none.
         """
         truths = self.dap_truths_m()
+        estimates = {"pdr": {}, "live": self.dap_estimates_m(), "after": self._smoothed_daps_m}
         return {
             name: float(np.hypot(*(place_m - truths[name])[:2]))
-            for name, place_m in self.dap_estimates_m().items()
+            for name, place_m in estimates[method].items()
             if name in truths and not self._stood_there(name)
         }
 
@@ -164,7 +188,11 @@ class Evidence:
 def _live_track(said: dict[_Mark, TrackEstimate]) -> Track:
     newest = {mark[0]: estimate for mark, estimate in sorted(said.items())}
     covariance_m2 = np.array([estimate.covariance_m2 for estimate in newest.values()])
-    return Track(_seconds(newest), np.array([_vector(e) for e in newest.values()]), covariance_m2)
+    place_m = np.array([_vector(estimate) for estimate in newest.values()])
+    regions_m = {
+        k: estimate.regions_m for k, estimate in enumerate(newest.values()) if estimate.regions_m
+    }
+    return Track(_seconds(newest), place_m, covariance_m2, regions_m)
 
 
 def _vector(place: LocalPosition | Truth | TrackEstimate) -> Floats:

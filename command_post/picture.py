@@ -43,7 +43,15 @@ def draw_tracks(evidence: Evidence, plan: Plan | None, path: Path) -> None:
     """
     walls_m = np.empty((0, 2, 2)) if plan is None else plan.wall_pieces_m
     figure = Figure(figsize=_size_in(evidence, walls_m), dpi=DOTS_PER_INCH, layout="constrained")
-    axes = figure.add_subplot()
+    entries = draw_map(figure.add_subplot(), evidence, plan)
+    if entries:
+        figure.legend(handles=entries, loc="outside right upper", frameon=False, fontsize=9)
+    save(figure, path)
+
+
+def draw_map(axes: Axes, evidence: Evidence, plan: Plan | None) -> list[Line2D]:
+    """Draw what ``draw_tracks`` draws into ``axes``; return what a legend is to show."""
+    walls_m = np.empty((0, 2, 2)) if plan is None else plan.wall_pieces_m
     axes.add_collection(
         LineCollection(list(walls_m[..., ::-1]), colors=WALL_COLOUR, linewidths=1.0)
     )
@@ -55,8 +63,11 @@ def draw_tracks(evidence: Evidence, plan: Plan | None, path: Path) -> None:
     axes.set_ylabel("north (m)")
     axes.grid(color="#e4e4e4", linewidth=0.5)
     axes.set_axisbelow(True)
-    if entries:
-        figure.legend(handles=entries, loc="outside right upper", frameon=False, fontsize=9)
+    return entries
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write ``figure`` as a PNG at ``path``, which is replaced whole or not at all."""
     figure.set_canvas(FigureCanvasAgg(figure))
     with replace_atomically(path) as file:
         figure.savefig(file, format="png", bbox_inches="tight", pad_inches=0.15)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import heapq
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -27,6 +28,13 @@ STOP_GRACE_S = 1.0
 
 class RehearsalError(RuntimeError):
     """A node's program failed in rehearsal; the text is what it said."""
+
+
+class Fused(NamedTuple):
+    """What came of one seed, and how long each of its messages took to handle (ms)."""
+
+    evidence: Evidence
+    handled_ms: list[float]
 
 
 class Agents(NamedTuple):
@@ -51,16 +59,14 @@ class Agents(NamedTuple):
         return ("--rssi" if self.raw else "--no-rssi",)
 
 
-def rehearse_nodes(
-    scenario_name: str, first_seed: int, count: int, directory: Path, agents: Agents
-) -> None:
-    """Let agents and DAPs write their wire logs for ``count`` seeds: ``{seed}/{node}.wire``.
+def rehearse_nodes(scenario_name: str, seeds: range, directory: Path, agents: Agents) -> None:
+    """Let agents and DAPs write their wire logs for ``seeds``: ``{seed}/{node}.wire``.
 
     Raises ``RehearsalError`` when one of the programs fails.
     """
-    seeds = f"{first_seed}-{first_seed + count - 1}"
+    which = f"{seeds[0]}-{seeds[-1]}"
     for module, options in (("edge_agent", agents.options()), ("dap_node", agents.dap_options())):
-        arguments = ("rehearse", scenario_name, "--seeds", seeds, "--output", str(directory))
+        arguments = ("rehearse", scenario_name, "--seeds", which, "--output", str(directory))
         with Children(directory, STOP_GRACE_S) as children:
             children.start(module, module, (*arguments, "--with-parent", *options))
             if children.wait(module) != 0:
@@ -88,7 +94,7 @@ def rehearse(
     Raises ``RehearsalError``, and ``RecorderError`` where ``path`` cannot be written.
     """
     with tempfile.TemporaryDirectory(prefix="clew-rehearsal-") as folder:
-        rehearse_nodes(scenario_name, seed, 1, Path(folder), agents)
+        rehearse_nodes(scenario_name, range(seed, seed + 1), Path(folder), agents)
         file = RecordingFile(path, settings.as_metadata(), replace=replace)
         try:
             incident = RecordedIncident(Incident(settings), file)
@@ -102,15 +108,19 @@ def rehearse(
             raise
 
 
-def evidence_of(directory: Path, settings: IncidentSettings) -> Evidence:
+def fuse_logs(directory: Path, settings: IncidentSettings) -> Fused:
     """Fuse the wire logs of one seed and return what is needed to score them."""
     incident = Incident(settings)
     evidence = Evidence()
+    handled_ms = []
     now_ns = 0
     for now_ns, key, payload in merged_wire_logs(directory):
         evidence.add_wire(key, payload)
-        for outgoing in incident.handle(key, payload, now_ns):
+        begun_s = time.perf_counter()
+        told = incident.handle(key, payload, now_ns)
+        handled_ms.append(1e3 * (time.perf_counter() - begun_s))
+        for outgoing in told:
             evidence.add_wire(outgoing.key, outgoing.payload)
     for outgoing in incident.finish(now_ns):
         evidence.add_wire(outgoing.key, outgoing.payload)
-    return evidence
+    return Fused(evidence, handled_ms)

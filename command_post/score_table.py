@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rich.table import Table
 
-from command_post.evaluation import (
-    PooledLive,
-    PooledMethod,
-    Radii,
-    ScenarioScore,
-    Score,
-)
+from command_post.evaluation.pooled import PooledMethod, RadiiIntervals, ScenarioScore, Vertical
+from command_post.evaluation.score_card import Radii, Score
 
 NOTHING = "none"
 
@@ -25,7 +22,7 @@ def score_table(score: Score) -> Table:
     _add(table, "so turned, between responders", pdr.pair, live.pair)
     table.add_row("at the end, median", _metres(pdr.end_m), _metres(live.end_m))
     table.add_row("height, median", _metres(pdr.vertical_m), _metres(live.vertical_m))
-    table.add_row("truth inside the 95 % ellipse", "", _percent(score.coverage95_pct))
+    table.add_row("truth inside the 95 % region", "", _percent(score.coverage95_pct))
     table.add_section()
     for responder_id, each in score.responders.items():
         _add(table, f"{responder_id}, CE50 / CE95", each.pdr, each.live)
@@ -40,18 +37,23 @@ def score_table(score: Score) -> Table:
 
 def pooled_table(name: str, score: ScenarioScore) -> Table:
     """Return the errors of all runs of a scenario, thrown together."""
-    table = _table(f"{name}, {score.runs} runs", "PDR alone", "Fused live")
-    pdr: PooledMethod = score.pdr
-    live: PooledLive = score.live
-    _add(table, "absolute, CE50 / CE95", pdr.absolute, live.absolute)
-    _add(table, "between responders, CE50 / CE95", pdr.pair_unturned, live.pair_unturned)
-    _add(table, "team turned as one, CE50 / CE95", pdr.team, live.team)
-    _add(table, "so turned, between responders", pdr.pair, live.pair)
-    _add(table, "DAPs set down, CE50 / CE95", None, live.dap)
-    table.add_row(
-        "failed (95 % of a track over 10 m)", *map(_percent, (pdr.fail_pct, live.fail_pct))
-    )
-    table.add_row("truth inside the 95 % ellipse", "", _percent(live.coverage95_pct))
+    headings = ("PDR alone", "Fused live", "Afterwards")
+    ways = [score.pdr, score.live] + ([] if score.after is None else [score.after])
+    table = _table(f"{name}, {score.runs} runs", *headings[: len(ways)])
+
+    def add(what: str, told: Callable[[PooledMethod], str]) -> None:
+        table.add_row(what, *map(told, ways))
+
+    add("absolute, CE50 / CE95", lambda way: _radii(way.absolute))
+    add("  95 % interval of CE95", lambda way: _interval(way.intervals.absolute))
+    add("between responders, CE50 / CE95", lambda way: _radii(way.pair_unturned))
+    add("team turned as one, CE50 / CE95", lambda way: _radii(way.team))
+    add("so turned, between responders", lambda way: _radii(way.pair))
+    add("DAPs set down, CE50 / CE95", lambda way: _radii(way.dap))
+    add("failed (95 % of a track over 10 m)", lambda way: _percent(way.fail_pct))
+    add("truth inside the 95 % region", lambda way: _percent(way.coverage95_pct))
+    add("told to be on a wrong floor", lambda way: _percent(way.wrong_floor_pct))
+    add("height, 50 % / 95 %", lambda way: _height(way.vertical))
     return table
 
 
@@ -69,6 +71,14 @@ def _add(table: Table, what: str, pdr: Radii | None, live: Radii | None) -> None
 
 def _radii(radii: Radii | None) -> str:
     return NOTHING if radii is None else f"{radii.ce50_m:.2f} / {radii.ce95_m:.2f} m"
+
+
+def _interval(radii: RadiiIntervals | None) -> str:
+    return NOTHING if radii is None else "{:.2f} to {:.2f} m".format(*radii.ce95_m)
+
+
+def _height(height: Vertical | None) -> str:
+    return NOTHING if height is None else f"{height.p50_m:.2f} / {height.p95_m:.2f} m"
 
 
 def _metres(value_m: float | None) -> str:

@@ -16,7 +16,8 @@ from rich.live import Live
 
 from command_post.commands.scoring import read_evidence, show_score
 from command_post.demo import DemoError, DemoSettings, run_demo
-from command_post.evaluation import measure, score
+from command_post.evaluation.errors import measure
+from command_post.evaluation.score_card import score
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings

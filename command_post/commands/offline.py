@@ -7,15 +7,18 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
+import numpy as np
 import structlog
 from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import Progress
 
-from command_post.evaluation import RunErrors, pool
+from command_post.cluster import ClusterError
+from command_post.distribution_picture import Drawn, draw_monte_carlo
+from command_post.evaluation.pooled import PooledScore, latency, pool
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
-from command_post.monte_carlo import run_many
+from command_post.monte_carlo import Exercise, Run, run_many, run_one
 from command_post.recording_file import RecorderError
 from command_post.rehearsal import Agents, RehearsalError
 from command_post.rehearsal import rehearse as rehearse_scenario
@@ -87,6 +90,8 @@ def montecarlo(
     method: str | None = None,
     odometry: OdometrySource = "imu",
     workers: Positive = 2,
+    dask: str | None = None,
+    picture: Path | None = None,
     json: bool = False,
 ) -> int:
     """Rehearse scenarios many times and score all runs together.
@@ -109,35 +114,71 @@ def montecarlo(
         Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
     workers
         Processes that share the work.
+    dask
+        Address of a Dask cluster's scheduler: its machines do the work instead.
+    picture
+        Draw how errors are distributed, and the tracks of the first run, into this PNG.
     json
         Print the score card as one JSON object.
 
     """
-    errors: dict[str, list[RunErrors]] = {}
-    console = Console(stderr=True)
     try:
         fusion = checked(FusionSettings(seed=seed, particles=particles))
         settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
         agents = Agents(method, raw=False, odometry=odometry)
+        exercises = {Path(name).stem: Exercise(name, settings, agents) for name in scenario}
         for name in scenario:
             load_scenario(name)
-        with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-            for name in scenario:
-                task = bar.add_task(name, total=runs)
-                errors[Path(name).stem] = []
-                for chunk in run_many(name, runs, seed, settings, agents, workers):
-                    errors[Path(name).stem].extend(chunk)
-                    bar.advance(task, len(chunk))
+        done = _run_all(exercises, runs, seed, workers, dask)
+        card = _card(done)
+        if picture is not None:
+            draw_monte_carlo(
+                [_sample(name, exercises[name], done[name], seed) for name in done], picture
+            )
     except ValueError as error:
         _log.error(str(error))
         return ExitCode.USAGE
-    except RehearsalError as error:
+    except (RehearsalError, ClusterError, OSError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE
-    card = pool(errors)
     if json:
         sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(card)) + b"\n")
     else:
         for name, scored in card.scenarios.items():
             Console().print(pooled_table(name, scored))
     return ExitCode.OK
+
+
+def _run_all(
+    exercises: dict[str, Exercise], runs: int, first_seed: int, workers: int, address: str | None
+) -> dict[str, list[Run]]:
+    """Run every exercise, and show how far that is."""
+    console = Console(stderr=True)
+    done: dict[str, list[Run]] = {}
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        for name, exercise in exercises.items():
+            task = bar.add_task(name, total=runs)
+            done[name] = []
+            for chunk in run_many(exercise, runs, first_seed, workers, address):
+                done[name].extend(chunk)
+                bar.advance(task, len(chunk))
+    return done
+
+
+def _sample(name: str, exercise: Exercise, runs: list[Run], seed: int) -> Drawn:
+    """Return what is drawn of one scenario; its first run is made once more, for its tracks."""
+    plan = load_scenario(exercise.scenario_name).building
+    return Drawn(name, [run.errors for run in runs], run_one(exercise, seed).evidence, plan)
+
+
+def _card(done: dict[str, list[Run]]) -> PooledScore:
+    card = pool({name: [run.errors for run in runs] for name, runs in done.items()})
+    handled_ms = {
+        name: np.concatenate([run.handled_ms for run in runs]) for name, runs in done.items()
+    }
+    return PooledScore(
+        scenarios={
+            name: msgspec.structs.replace(told, latency_ms=latency(handled_ms[name]))
+            for name, told in card.scenarios.items()
+        }
+    )

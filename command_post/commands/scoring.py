@@ -9,7 +9,8 @@ import msgspec
 import structlog
 from rich.console import Console
 
-from command_post.evaluation import Score, measure, score
+from command_post.evaluation.errors import measure
+from command_post.evaluation.score_card import Score, score
 from command_post.evidence import Evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.picture import draw_tracks

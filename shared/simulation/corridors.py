@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.maths.polygons import inside_polygon
 from shared.simulation.plan import Plan, Point, Room
 
 Array: TypeAlias = NDArray[np.float64]
@@ -157,14 +158,8 @@ class Corridors:
 
 
 def inside(room: Room, point_m: Array) -> bool:
-    """Say whether ``point_m`` (2,) is inside the room's outline (even-odd rule)."""
-    corners = np.array(room.corners_m)
-    start, end = corners, np.roll(corners, -1, axis=0)
-    spans = (start[:, 0] > point_m[0]) != (end[:, 0] > point_m[0])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (point_m[0] - start[:, 0]) / (end[:, 0] - start[:, 0])
-    east_m = start[:, 1] + share * (end[:, 1] - start[:, 1])
-    return bool(np.count_nonzero(spans & (point_m[1] < east_m)) % 2)
+    """Say whether ``point_m`` (2,) is inside the room's outline."""
+    return bool(inside_polygon([point_m], room.corners_m)[0])
 
 
 def outline_distance_m(room: Room, point_m: Array) -> float:

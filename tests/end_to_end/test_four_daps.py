@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from command_post.evaluation import pool
+from command_post.evaluation.pooled import pool
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
-from command_post.monte_carlo import run_many
+from command_post.monte_carlo import Exercise, run_many
 from command_post.rehearsal import Agents
 from shared.exercise import REHEARSAL_INCIDENT
 
-LINEAR = Agents("linear", raw=False)
 SETTINGS = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=FusionSettings())
+EXERCISE = Exercise("four_daps", SETTINGS, Agents("linear", raw=False))
 
 
 def test_fusion_brings_the_team_together_and_workers_do_not_matter() -> None:
-    alone = [run for chunk in run_many("four_daps", 6, 0, SETTINGS, LINEAR, 2) for run in chunk]
+    alone = [run.errors for chunk in run_many(EXERCISE, 6, 0, 2) for run in chunk]
     assert len(alone) == 6
     told = pool({"four_daps": alone}).scenarios["four_daps"]
     assert told.live.pair is not None
@@ -23,5 +23,5 @@ def test_fusion_brings_the_team_together_and_workers_do_not_matter() -> None:
     assert told.live.team is not None
     assert told.pdr.team is not None
     assert told.live.team.ce95_m < told.pdr.team.ce95_m
-    again = [run for chunk in run_many("four_daps", 1, 5, SETTINGS, LINEAR, 1) for run in chunk]
+    again = [run.errors for chunk in run_many(EXERCISE, 1, 5, 1) for run in chunk]
     assert pool({"x": again}) == pool({"x": alone[5:]})

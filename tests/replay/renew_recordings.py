@@ -15,7 +15,8 @@ import msgspec
 
 from command_post.__main__ import app
 from command_post.commands.scoring import read_evidence
-from command_post.evaluation import Score, measure, score
+from command_post.evaluation.errors import measure
+from command_post.evaluation.score_card import Score, score
 from shared.files import replace_atomically
 from shared.mcap_reader import read_recording
 from tests.conftest import CHECKOUT

@@ -9,7 +9,8 @@ import msgspec
 import pytest
 
 from command_post.commands.scoring import read_evidence
-from command_post.evaluation import Radii, measure, score
+from command_post.evaluation.errors import measure
+from command_post.evaluation.score_card import Radii, score
 from command_post.evidence import Evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.replay import replay

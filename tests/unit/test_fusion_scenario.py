@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from command_post.evaluation import RunErrors, Score, measure, pool, score
+from command_post.evaluation.errors import RunErrors, measure
+from command_post.evaluation.pooled import pool
+from command_post.evaluation.score_card import Score, score
 from command_post.evidence import Evidence
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import Incident, IncidentSettings, Outgoing
@@ -55,8 +57,8 @@ def test_daps_take_the_offset_and_the_drift_away(errors: list[RunErrors]) -> Non
 
 
 def test_the_map_is_as_good_as_its_makers(errors: list[RunErrors]) -> None:
-    assert {frozenset(run.dap_m) for run in errors} == {frozenset({"dap2", "dap3", "dap4"})}
-    assert np.median([error for run in errors for error in run.dap_m.values()]) < 2.0
+    assert {frozenset(run.live.dap_m) for run in errors} == {frozenset({"dap2", "dap3", "dap4"})}
+    assert np.median([error for run in errors for error in run.live.dap_m.values()]) < 2.0
 
 
 def test_every_responder_is_scored(errors: list[RunErrors]) -> None:

@@ -8,11 +8,13 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from command_post.distribution_picture import Drawn, draw_monte_carlo
+from command_post.evaluation.errors import measure
 from command_post.evidence import Evidence
 from command_post.picture import COLOURS, draw_tracks
 from shared.simulation.plan import load_plan
 from tests.stride_world import exercise
-from tests.unit.test_fusion_scenario import evidence_of
+from tests.unit.test_fusion_scenario import evidence_of, fuse
 
 
 def colours_of(path: Path) -> set[str]:
@@ -47,3 +49,12 @@ def test_a_failed_drawing_leaves_the_old_picture(
         draw_tracks(Evidence(), None, path)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_errors_are_drawn_beside_the_tracks_of_a_run(tmp_path: Path) -> None:
+    evidence = evidence_of(heard := exercise(1), fuse(heard))
+    drawn = Drawn("world", [measure(evidence)], evidence, load_plan("house_of_four_daps"))
+    draw_monte_carlo([drawn, drawn._replace(runs=[])], tmp_path / "errors.png")
+    assert set(COLOURS[:3]) <= colours_of(tmp_path / "errors.png")
+    height, width, _ = matplotlib.image.imread(tmp_path / "errors.png").shape
+    assert height > 0.5 * width

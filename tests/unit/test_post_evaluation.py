@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from command_post.confidence import inside95
-from command_post.evaluation import RunErrors, Score, measure, pool, score
-from command_post.evidence import Evidence
+from command_post.evaluation.errors import RunErrors, measure
+from command_post.evaluation.pooled import pool
+from command_post.evaluation.resampling_runs import Redrawn
+from command_post.evaluation.score_card import Radii, Score, score
+from command_post.evidence import Evidence, Track
 from shared.messages import DapEstimate, LocalPosition, Message, TrackEstimate
 from shared.topics import Key, Role
 from tests.stride_world import at_ns, installation, key_of, stride, track_start, truth
@@ -171,6 +174,7 @@ def test_nothing_is_none_and_never_nought() -> None:
     assert msgspec.to_builtins(empty) == {
         "pdr": dict.fromkeys(METHOD_FIELDS),
         "live": dict.fromkeys(METHOD_FIELDS),
+        "after": None,
         "dap": None,
         "coverage95_pct": None,
         "responders": {},
@@ -211,10 +215,85 @@ def test_runs_are_thrown_together() -> None:
     assert course["live"]["fail_pct"] == pytest.approx(25.0)
     assert course["live"]["coverage95_pct"] == pytest.approx(75.0)
     assert course["live"]["dap"] is None
-    ways = {"abs", "team", "pair", "pair_unturned", "fail_pct"}
-    assert set(course["live"]) == ways | {"dap", "coverage95_pct"}
-    assert course["pdr"] == dict.fromkeys(ways)
+    assert course["live"]["wrong_floor_pct"] is None
+    assert course["after"] is None
+    assert course["live"].keys() == course["pdr"].keys()
+    empty = course["pdr"].pop("intervals")
+    assert set(course["pdr"].values()) == set(empty.values()) == {None}
     assert pooled["scenarios"]["none"]["live"]["abs"] is None
+
+
+def test_what_is_sure_over_runs_has_a_narrow_interval() -> None:
+    errors_m = [np.full(50, 1.0)] * 60 + [np.full(50, 9.0)] * 40
+    ((low, high), (low95, high95)) = Redrawn(100).percentiles(errors_m, (50.0, 95.0))
+    assert low == pytest.approx(1.0, abs=0.01)
+    assert high in (pytest.approx(1.0, abs=0.01), pytest.approx(9.0, abs=0.01))
+    assert (low95, high95) == pytest.approx((9.0, 9.0), abs=0.01)
+    low, high = Redrawn(100).share_pct([0] * 60 + [1] * 40, [1] * 100)
+    # A share of 40 % of 100 has a standard error of 4.9 %.
+    assert low == pytest.approx(40.0 - 1.96 * 4.9, abs=1.5)
+    assert high == pytest.approx(40.0 + 1.96 * 4.9, abs=1.5)
+    assert Redrawn(3).share_pct([1, 0, 1], [1, 0, 1]) == (100.0, 100.0)
+
+
+def smoothed(error_m: float) -> Track:
+    time_s = np.array([at_ns(0.0), at_ns(99.0)]) / 1e9
+    place_m = np.array([[0.0, error_m, 0.0], [1.2 * 99.0, error_m, 0.0]])
+    return Track(time_s, place_m, np.tile([1.0, 0.0, 1.0], (2, 1)))
+
+
+def test_what_was_made_of_it_afterwards_is_scored_beside() -> None:
+    def run(error_m: float) -> RunErrors:
+        collected = evidence(
+            *north_walk("r1", 99), *told("r1", 99, lambda n, e: (n, e)),
+            ("dap", "dap2", truth(0.0, (10.0, 0.0))), dap_estimate("dap2", (13.0, 4.0)),
+        )  # fmt: skip
+        collected.add_afterwards({"r1": smoothed(error_m)}, {"dap2": np.array([10.0, 0.5, 0.0])})
+        return measure(collected)
+
+    pooled = pool({"course": [run(0.5), run(1.5)]}).scenarios["course"]
+    assert pooled.after is not None
+    after = msgspec.to_builtins(pooled.after)
+    assert after["abs"] == {"ce50_m": pytest.approx(1.0), "ce95_m": pytest.approx(1.5)}
+    assert after["dap"] == {"ce50_m": pytest.approx(0.5), "ce95_m": pytest.approx(0.5)}
+    assert pooled.after.nees is not None
+    assert pooled.after.nees.mean == pytest.approx(0.5 * (0.25 + 2.25))
+    assert pooled.live.dap == Radii(5.0, 5.0)
+    assert score(run(0.5)).after is not None
+
+
+def test_many_peaked_estimates_are_scored_by_their_outlines() -> None:
+    here = ((-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0))
+    there = tuple((north, east + 8.0) for north, east in here)
+    far = tuple((north + 50.0, east) for north, east in here)
+    said = []
+    for t, outlines in enumerate([(far, there), (here, far), (far,), (there,)]):
+        role, post, plain = estimate(t, "r1", (4.0, 4.0), t, var_m2=100.0)
+        assert isinstance(plain, TrackEstimate)
+        said.append((role, post, msgspec.structs.replace(plain, regions_m=outlines)))
+    assert card(*aside("r1", 3), *said).coverage95_pct == pytest.approx(50.0)
+
+
+def test_floors_are_told_wrong_only_while_one_is_on_a_floor() -> None:
+    downs_m = [0.0, 0.0, -1.7, -3.3, -3.3, -6.6]
+    stairs: list[Said] = [
+        ("responder", "r1", msgspec.structs.replace(truth(t, (0.0, 0.0), t), down_m=down_m))
+        for t, down_m in enumerate(downs_m)
+    ]
+    half_a_metre_below = [estimate(t, "r1", (0.0, 0.0), t) for t in range(6)]
+    errors = measure(evidence(*stairs, *half_a_metre_below), np.array([-6.6, 0.0, -3.3]))
+    off = errors.live.responders["r1"].floors_off
+    assert off is not None
+    assert off.tolist() == [0, 0, -1, 1, 1, 2]
+    pooled = pool({"x": [errors]}).scenarios["x"].live
+    assert pooled.wrong_floor_pct == pytest.approx(60.0)
+    assert pooled.ipin_m == pytest.approx(15.0)
+
+
+def test_the_gradient_is_how_fast_the_error_grows() -> None:
+    drifting = told("r1", 50, lambda n, e: (n, e + n / 12))
+    run = measure(evidence(*north_walk("r1", 50), *drifting))
+    assert pool({"x": [run]}).scenarios["x"].live.eag_m_s == pytest.approx(0.1)
 
 
 def test_a_key_names_whose_truth_it_is() -> None:

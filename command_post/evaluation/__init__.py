@@ -1,0 +1,1 @@
+"""How far tracks and DAPs are from the truth: in one run, and over many (pure)."""
