@@ -42,6 +42,7 @@ class Estimate(NamedTuple):
     heading_rad: float
     heading_sd_rad: float
     last_proximity_time_ns: int | None
+    down_sd_m: float | None = None
 
     @property
     def position(self) -> LocalPosition:

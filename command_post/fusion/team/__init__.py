@@ -1,0 +1,1 @@
+"""The team's joint smoother, and the tracker that keeps it up to date."""

@@ -1,0 +1,364 @@
+"""From what has been heard until a moment to the graph that the smoother solves (pure)."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from command_post.fusion.team.chain import Chain, chain_of, place_nodes, turn_known
+from command_post.fusion.team.graph import Graph, with_columns
+from command_post.fusion.team.log import Floats, Installed, Ints, Peak, TeamLog
+from command_post.fusion.team.settings import TeamSettings
+from shared.units import NS_PER_S
+
+PlaceId: TypeAlias = tuple[str, ...]
+"""A DAP where it stood since a time, or a meeting of two responders."""
+
+UNKNOWN_SD_M = 1000.0
+UNKNOWN_TURN_SD_RAD = 50.0
+ANY_AXIS_SD_RAD = 10.0
+SAME_PASS_S = 5.0
+
+
+class AxisBelief(NamedTuple):
+    """What is supposed of the building: its axis (rad) and how well that is known, if it has one.
+
+    ``chains`` are the responders whose heading is known well enough to be held to it.
+    """
+
+    mode: str
+    axis_rad: float
+    sd_rad: float
+    chains: frozenset[str]
+
+
+NO_AXIS = AxisBelief("none", 0.0, 1.0, frozenset())
+
+
+@dataclass
+class Assembled:
+    """A graph, and what its nodes and places are.
+
+    ``chains`` in the graph's order; ``nodes`` the stances that are nodes, by chain; ``places`` in
+    the arrow's order, with the chain's node by which each is first tied (``seen_at``).
+    """
+
+    graph: Graph
+    chains: list[Chain]
+    nodes: list[Ints]
+    units: int
+    unit_first: list[int]
+    places: list[PlaceId] = field(default_factory=list)
+    seen_at: list[int] = field(default_factory=list)
+    installed_by: list[int] = field(default_factory=list)
+
+    @property
+    def arrow_size(self) -> int:
+        """Length of the arrow."""
+        return 1 + 2 * self.units + 2 * len(self.places)
+
+    def place_column(self, place: int) -> int:
+        """The column at which a place stands in the arrow."""
+        return 1 + 2 * self.units + 2 * place
+
+
+class _Tie(NamedTuple):
+    """A place reached by the chain: stance, offset from there, standard deviation, freedom."""
+
+    chain: int
+    stance: int
+    north_m: float
+    east_m: float
+    place: PlaceId
+    sd_m: float
+    dof: float
+
+
+class _Known(NamedTuple):
+    north_m: float
+    east_m: float
+    sd_m: float
+
+
+def assemble(
+    log: TeamLog, until_ns: int, belief: AxisBelief, settings: TeamSettings
+) -> Assembled | None:
+    """Return the graph of all that happened until ``until_ns``; ``None`` if nobody has started."""
+    chains = [
+        chain
+        for responder_id in sorted(log.responders)
+        if (chain := chain_of(responder_id, log.responders[responder_id], until_ns, settings))
+    ]
+    if not chains:
+        return None
+    ties, known = _ties(log, chains, until_ns, settings)
+    return _build(chains, ties, known, _fixes(log, chains, until_ns, settings), belief, settings)
+
+
+def _ties(
+    log: TeamLog, chains: list[Chain], until_ns: int, settings: TeamSettings
+) -> tuple[list[_Tie], dict[PlaceId, _Known]]:
+    number = {chain.responder_id: index for index, chain in enumerate(chains)}
+    ties: list[_Tie] = []
+    known: dict[PlaceId, _Known] = {}
+    stands: dict[str, list[Installed]] = {}
+    for dap_id in sorted(log.daps):
+        for installed in log.daps[dap_id]:
+            if installed.time_ns > until_ns:
+                break
+            place = _dap_place(dap_id, installed)
+            chain = number.get(installed.installer_id or "")
+            if chain is not None:
+                ties.append(
+                    _tie(chains, chain, installed.time_ns, place, settings.install_sd_m, 0.0)
+                )
+            elif installed.position is not None:
+                at = installed.position
+                sd_m = math.sqrt(max(0.5 * (at.covariance_m2[0] + at.covariance_m2[2]), 0.01))
+                known[place] = _Known(at.north_m, at.east_m, sd_m)
+            else:
+                continue
+            stands.setdefault(dap_id, []).append(installed)
+    for index, chain_ in enumerate(chains):
+        heard = log.responders[chain_.responder_id]
+        for peak in _passes(heard.peaks, heard.nears, until_ns, settings):
+            standing = stands.get(peak.other_id, [])
+            at = bisect_right(standing, peak.time_ns, key=lambda each: each.time_ns)
+            if at:
+                place = _dap_place(peak.other_id, standing[at - 1])
+                sd_m = settings.sharpness.sd_at_m(peak.peak_dbm)
+                ties.append(_tie(chains, index, peak.time_ns, place, sd_m, settings.sharpness.dof))
+        for meeting in _meetings(heard.contacts, until_ns, settings):
+            other = number.get(meeting.other_id)
+            if other is not None:
+                place = ("meeting", chain_.responder_id, meeting.other_id, str(meeting.time_ns))
+                sd_m = settings.sharpness.sd_at_m(meeting.peak_dbm + settings.contact_gain_db)
+                sd_m = max(sd_m, settings.contact_sd_least_m) * 0.75
+                for each in (index, other):
+                    ties.append(
+                        _tie(chains, each, meeting.time_ns, place, sd_m, settings.sharpness.dof)
+                    )
+    return ties, known
+
+
+def _dap_place(dap_id: str, installed: Installed) -> PlaceId:
+    return ("dap", dap_id, str(installed.time_ns))
+
+
+def _tie(
+    chains: list[Chain], chain: int, time_ns: int, place: PlaceId, sd_m: float, dof: float
+) -> _Tie:
+    return _Tie(chain, *chains[chain].nearest(time_ns), place, sd_m, dof)
+
+
+def _passes(
+    peaks: list[Peak], nears: list[Peak], until_ns: int, settings: TeamSettings
+) -> list[Peak]:
+    """Return the peaks sharp enough; of a DAP that tells none, the strongest of each stay."""
+    told = {peak.other_id for peak in peaks}
+    passes = [
+        peak
+        for peak in peaks
+        if peak.time_ns <= until_ns and peak.peak_dbm >= settings.sharpness.least_dbm
+    ]
+    stays: dict[str, Peak] = {}
+    for near in nears:
+        if near.time_ns > until_ns or near.other_id in told:
+            continue
+        best = stays.get(near.other_id)
+        if best is not None and near.time_ns - best.time_ns < SAME_PASS_S * NS_PER_S:
+            if near.peak_dbm > best.peak_dbm:
+                stays[near.other_id] = near
+            continue
+        if best is not None:
+            passes.append(best)
+        stays[near.other_id] = near
+    return sorted([*passes, *stays.values()])
+
+
+def _meetings(contacts: list[Peak], until_ns: int, settings: TeamSettings) -> list[Peak]:
+    """Return the contacts close enough, one for each meeting: both units may tell of it."""
+    found: dict[str, Peak] = {}
+    meetings = []
+    for contact in contacts:
+        if contact.time_ns > until_ns or contact.peak_dbm < settings.contact_least_dbm:
+            continue
+        last = found.get(contact.other_id)
+        if last and contact.time_ns - last.time_ns < settings.contact_again_s * NS_PER_S:
+            continue
+        found[contact.other_id] = contact
+        meetings.append(contact)
+    return meetings
+
+
+class _FixRow(NamedTuple):
+    chain: int
+    stance: int
+    row: tuple[float, float, float, float, float, float]
+
+
+def _fixes(
+    log: TeamLog, chains: list[Chain], until_ns: int, settings: TeamSettings
+) -> list[_FixRow]:
+    rows = []
+    for index, chain in enumerate(chains):
+        for unit, start in enumerate(chain.starts):
+            stance = 0 if unit == 0 else int(chain.links[unit - 1])
+            if start.position is not None:
+                nn, _, ee = start.position.covariance_m2
+                sd_m = math.sqrt(0.5 * (nn + ee) + settings.start_sd_m**2)
+                at = (start.position.north_m, start.position.east_m)
+            elif unit == 0:
+                unknown = start.heading_sd_rad >= UNKNOWN_TURN_SD_RAD
+                sd_m = settings.unknown_start_sd_m if unknown else settings.entrance_sd_m
+                at = (0.0, 0.0)
+            else:
+                continue
+            rows.append(_FixRow(index, stance, (0.0, 0.0, *at, sd_m, 0.0)))
+        for fix in log.responders[chain.responder_id].fixes:
+            if fix.time_ns <= until_ns:
+                stance, north_m, east_m = chain.nearest(fix.time_ns)
+                nn, _, ee = fix.position.covariance_m2
+                sd_m = math.sqrt(max(0.5 * (nn + ee), 0.01))
+                at = (fix.position.north_m, fix.position.east_m)
+                row = (north_m, east_m, *at, sd_m, settings.sharpness.dof)
+                rows.append(_FixRow(index, stance, row))
+    return rows
+
+
+def _build(
+    chains: list[Chain],
+    ties: list[_Tie],
+    known: dict[PlaceId, _Known],
+    fixes: list[_FixRow],
+    belief: AxisBelief,
+    settings: TeamSettings,
+) -> Assembled:
+    nodes, first = _nodes(chains, ties, fixes, settings)
+    node_of = [
+        {int(stance): int(first[index]) + at for at, stance in enumerate(of_chain)}
+        for index, of_chain in enumerate(nodes)
+    ]
+    unit_first = np.concatenate([[0], np.cumsum([len(chain.starts) for chain in chains])])
+    units = int(unit_first[-1])
+    places = sorted({tie.place for tie in ties} | known.keys())
+    column = {place: 1 + 2 * units + 2 * at for at, place in enumerate(places)}
+    ties = sorted(ties, key=lambda tie: (tie.chain, tie.stance, tie.place, tie.sd_m))
+    moves = [
+        _moves(chain, nodes[index], int(first[index]), int(unit_first[index]), settings)
+        for index, chain in enumerate(chains)
+    ]
+    move = np.concatenate([rows for rows, _ in moves])
+    move_at = np.concatenate([at for _, at in moves])
+    tie_at = np.array(
+        [(node_of[tie.chain][tie.stance], column[tie.place], 0) for tie in ties], np.int64
+    ).reshape(-1, 3)
+    arrow_size = 1 + 2 * units + 2 * len(places)
+    columns, columns_first, width = with_columns(first, move_at, tie_at, arrow_size)
+    straight, straight_at = _straights(chains, nodes, move_at, belief, settings)
+    turns = [
+        (node_of[index][0 if unit == 0 else int(chain.links[unit - 1])], start.heading_sd_rad)
+        for index, chain in enumerate(chains)
+        for unit, start in enumerate(chain.starts)
+        if turn_known(start)
+    ]
+    graph = Graph(
+        first, columns, columns_first, width, move, move_at,
+        np.array([(t.north_m, t.east_m, t.sd_m, t.dof) for t in ties]).reshape(-1, 4), tie_at,
+        np.array([fix.row for fix in fixes]).reshape(-1, 6),
+        np.array([node_of[fix.chain][fix.stance] for fix in fixes], np.int64),
+        np.array([(0.0, max(sd_rad, 1e-3)) for _, sd_rad in turns]).reshape(-1, 2),
+        np.array([node for node, _ in turns], np.int64),
+        straight, straight_at,
+        np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
+        np.array([settings.scale_sd, settings.drift_sd_rad_s]),
+        np.array([belief.axis_rad, belief.sd_rad]),
+    )  # fmt: skip
+    seen: dict[PlaceId, int] = {}
+    by: dict[PlaceId, int] = {}
+    for tie, (node, _, _) in zip(ties, tie_at.tolist(), strict=True):
+        seen.setdefault(tie.place, node)
+        if tie.dof == 0.0:
+            seen[tie.place] = node
+            by[tie.place] = tie.chain
+    return Assembled(
+        graph, chains, nodes, units, unit_first.tolist(), places,
+        [seen.get(place, -1) for place in places], [by.get(place, -1) for place in places],
+    )  # fmt: skip
+
+
+def _nodes(
+    chains: list[Chain], ties: Iterable[_Tie], fixes: Iterable[_FixRow], settings: TeamSettings
+) -> tuple[list[Ints], Ints]:
+    wanted: list[set[int]] = [
+        {0, chain.time_ns.size - 1, *chain.links.tolist(), *(chain.links - 1).tolist()}
+        for chain in chains
+    ]
+    for event in (*ties, *fixes):
+        wanted[event.chain].add(event.stance)
+    nodes = [
+        place_nodes(
+            chain.time_ns,
+            chain.length_m,
+            np.array(sorted(stances), np.int64),
+            settings.node_m,
+            round(settings.node_s * NS_PER_S),
+        )
+        for chain, stances in zip(chains, wanted, strict=True)
+    ]
+    return nodes, np.concatenate([[0], np.cumsum([len(each) for each in nodes])])
+
+
+def _moves(
+    chain: Chain, nodes: Ints, first: int, first_unit: int, settings: TeamSettings
+) -> tuple[Floats, Ints]:
+    """Return a chain's rows of ``Graph.move`` and ``Graph.move_at``."""
+    one, other = nodes[:-1], nodes[1:]
+    way_m = chain.way_m[other] - chain.way_m[one]
+    duration_s = (chain.time_ns[other] - chain.time_ns[one]) / NS_PER_S
+    place_m2, turn_rad2 = (chain.variance[other] - chain.variance[one]).T
+    length_m = chain.length_m[other] - chain.length_m[one]
+    # The turn goes evenly from one end's to the other's; where it did not, the way bends.
+    sd_m = np.sqrt(place_m2) + 0.29 * length_m * np.sqrt(turn_rad2)
+    sd_rad = np.sqrt(turn_rad2)
+    link = np.isin(other, chain.links)
+    sd_m[link] = np.sqrt(place_m2[link])
+    sd_rad[link] = UNKNOWN_TURN_SD_RAD
+    rows = np.column_stack([way_m, duration_s, np.maximum(sd_m, 0.01), np.maximum(sd_rad, 1e-4)])
+    scale = 1 + 2 * (first_unit + chain.unit[other])
+    at = np.column_stack([first + np.arange(len(one)), scale, np.zeros(len(one), np.int64)])
+    return rows, at.astype(np.int64)
+
+
+def _straights(
+    chains: list[Chain],
+    nodes: list[Ints],
+    move_at: Ints,
+    belief: AxisBelief,
+    settings: TeamSettings,
+) -> tuple[Floats, Ints]:
+    """Return the straight moves of those held to the axis."""
+    rows, at = [np.empty((0, 2))], [np.empty(0, np.int64)]
+    row = 0
+    for chain, of_chain in zip(chains, nodes, strict=True):
+        count = len(of_chain) - 1
+        if chain.responder_id in belief.chains and count:
+            way_m = np.diff(chain.way_m[of_chain], axis=0)
+            straight_m = np.hypot(way_m[:, 0], way_m[:, 1])
+            length_m = np.diff(chain.length_m[of_chain])
+            found = np.flatnonzero(
+                (straight_m > settings.straight_least_m)
+                & (straight_m >= settings.straight_share * length_m)
+            )
+            direction_rad = [math.atan2(east, north) for north, east in way_m[found].tolist()]
+            sd_rad = np.full(len(found), settings.straight_sd_rad)
+            rows.append(np.column_stack([np.array(direction_rad), sd_rad]).reshape(-1, 2))
+            at.append(row + found)
+        row += count
+    assert row == len(move_at)
+    return np.concatenate(rows), np.concatenate(at)

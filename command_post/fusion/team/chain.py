@@ -1,0 +1,155 @@
+"""One responder's moves as a chain of stances, and which of them become nodes (pure)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from command_post.fusion.team.log import (
+    EAST,
+    NORTH,
+    PLACE_M2,
+    TURN_RAD2,
+    Floats,
+    Ints,
+    Moves,
+    ResponderLog,
+    Start,
+)
+from command_post.fusion.team.settings import TeamSettings
+from shared.compiled import compiled
+from shared.units import NS_PER_S
+
+KNOWN_TURN_SD_RAD = 1.5
+"""A heading known no better than this is not known."""
+
+
+class Chain(NamedTuple):
+    """A responder's stances (k ≥ 1): the start, the end of each move, the start of each new unit.
+
+    ``way_m`` (k, 2) is the sum of the moves in the agents' frames, ``length_m`` (k,) their lengths
+    summed, ``variance`` (k, 2) those of place (m²) and turn (rad²). ``unit`` (k,) counts the units;
+    ``links`` are the stances at which a new unit begins, ``starts`` what each unit said.
+    """
+
+    responder_id: str
+    time_ns: Ints
+    begin_ns: Ints
+    way_m: Floats
+    length_m: Floats
+    variance: Floats
+    unit: Ints
+    links: Ints
+    starts: list[Start]
+
+    def nearest(self, time_ns: int) -> tuple[int, float, float]:
+        """Return the stance nearest in time, and how far in the agent's frame it was from there.
+
+        Between two stances the body goes on evenly while the move lasts, and stands before it.
+        """
+        after = int(np.searchsorted(self.time_ns, time_ns))
+        if after == 0:
+            return 0, 0.0, 0.0
+        if after == self.time_ns.size:
+            return after - 1, 0.0, 0.0
+        begin_ns, end_ns = int(self.begin_ns[after]), int(self.time_ns[after])
+        share = min(max((time_ns - begin_ns) / max(end_ns - begin_ns, 1), 0.0), 1.0)
+        north_m, east_m = (self.way_m[after] - self.way_m[after - 1]).tolist()
+        if share >= 0.5:
+            return after, -(1.0 - share) * north_m, -(1.0 - share) * east_m
+        return after - 1, share * north_m, share * east_m
+
+
+def chain_of(
+    responder_id: str, log: ResponderLog, until_ns: int, settings: TeamSettings
+) -> Chain | None:
+    """Return the responder's chain as heard of by ``until_ns``; ``None`` if nothing was."""
+    starts = log.starts_until(until_ns)
+    if not starts:
+        return None
+    moves = log.moves.until(until_ns)
+    added = _link_rows(moves, starts, settings)
+    order = np.argsort(np.concatenate([added.time_ns, moves.end_ns]), kind="stable")
+    own = _move_rows(moves, settings)
+
+    def merged(one: Floats | Ints, other: Floats | Ints) -> Floats:
+        return np.asarray(np.concatenate([one, other])[order])
+
+    unit_of_row = np.concatenate(
+        [np.arange(len(starts)), np.zeros(moves.end_ns.size, np.int64)]
+    )[order]
+    return Chain(
+        responder_id,
+        time_ns=merged(added.time_ns, moves.end_ns).astype(np.int64),
+        begin_ns=merged(added.time_ns, moves.start_ns).astype(np.int64),
+        way_m=np.cumsum(merged(np.zeros((len(starts), 2)), own.step_m), axis=0),
+        length_m=np.cumsum(merged(np.zeros(len(starts)), own.length_m)),
+        variance=np.cumsum(merged(added.variance, own.variance), axis=0),
+        unit=np.maximum.accumulate(unit_of_row),
+        links=np.flatnonzero(order < len(starts))[1:],
+        starts=starts,
+    )
+
+
+class _Links(NamedTuple):
+    time_ns: Ints
+    variance: Floats
+
+
+class _Rows(NamedTuple):
+    step_m: Floats
+    length_m: Floats
+    variance: Floats
+
+
+def _link_rows(moves: Moves, starts: list[Start], settings: TeamSettings) -> _Links:
+    """One row a unit: while nobody counted, its wearer may have gone anywhere they could reach."""
+    time_ns = np.array([start.time_ns for start in starts], np.int64)
+    last = np.searchsorted(moves.end_ns, time_ns, side="right") - 1
+    silent_s = np.where(last >= 0, time_ns - moves.end_ns[np.maximum(last, 0)], 0) / NS_PER_S \
+        if moves.end_ns.size else np.zeros(len(starts))
+    gone_m2 = settings.restart_sd_m**2 + (settings.restart_speed_m_s * silent_s) ** 2
+    gone_m2[0] = 0.0
+    return _Links(time_ns, np.column_stack([gone_m2, np.zeros(len(starts))]))
+
+
+def _move_rows(moves: Moves, settings: TeamSettings) -> _Rows:
+    """One row a move, with variances that allow for what an agent cannot know of itself."""
+    step_m = moves.values[:, [NORTH, EAST]]
+    length_m = np.hypot(step_m[:, 0], step_m[:, 1])
+    lost = np.maximum(np.diff(moves.sequence, prepend=moves.sequence[:1] - 1) - 1, 0)
+    own_m2 = (settings.stride_sd_m + settings.stride_sd_share * length_m) ** 2
+    place_m2 = moves.values[:, PLACE_M2] + own_m2 + (settings.lost_stride_m * lost) ** 2
+    turn_rad2 = moves.values[:, TURN_RAD2] + (1.0 + lost) * settings.stride_turn_sd_rad**2
+    return _Rows(step_m, length_m, np.column_stack([place_m2, turn_rad2]))
+
+
+@compiled
+def place_nodes(
+    time_ns: Ints, length_m: Floats, wanted: Ints, node_m: float, node_ns: int
+) -> Ints:
+    """Return the stances that become nodes: those wanted (ascending), and no two far apart."""
+    nodes = np.empty(time_ns.size, np.int64)
+    nodes[0] = wanted[0]
+    count = 1
+    for target in wanted[1:]:
+        stance = nodes[count - 1]
+        while stance < target:
+            first = stance
+            stance += 1
+            while (
+                stance < target
+                and length_m[stance] - length_m[first] < node_m
+                and time_ns[stance] - time_ns[first] < node_ns
+            ):
+                stance += 1
+            nodes[count] = stance
+            count += 1
+    return nodes[:count].copy()
+
+
+def turn_known(start: Start) -> bool:
+    """Whether a unit knows how its frame is turned."""
+    return start.heading_sd_rad < KNOWN_TURN_SD_RAD and math.isfinite(start.heading_sd_rad)

@@ -1,0 +1,228 @@
+"""All that has been heard of the team, kept in the order of its time, whenever it came."""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.messages import (
+    Contact,
+    DapInstallation,
+    LocalPosition,
+    OdometryIncrement,
+    PositionFix,
+    ProximityEvent,
+    RssiPeak,
+    TrackStart,
+)
+from shared.units import NS_PER_S
+
+Floats: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+
+NORTH, EAST, DOWN, HEADING, PLACE_M2, TURN_RAD2, DOWN_M2 = range(7)
+"""Columns of ``Moves.values``."""
+
+
+class Start(NamedTuple):
+    """A unit begins: when, where if it says so, and how well its frame is turned (rad)."""
+
+    time_ns: int
+    sequence: int
+    heading_sd_rad: float
+    position: LocalPosition | None
+
+
+class Peak(NamedTuple):
+    """A pass of a DAP, or of another responder."""
+
+    time_ns: int
+    other_id: str
+    peak_dbm: float
+
+
+class Fix(NamedTuple):
+    """Somebody's word for where a responder is."""
+
+    time_ns: int
+    source: str
+    position: LocalPosition
+
+
+class Installed(NamedTuple):
+    """A DAP set down: when, by whom, or where."""
+
+    time_ns: int
+    installer_id: str | None
+    position: LocalPosition | None
+
+
+class Moves(NamedTuple):
+    """A responder's increments by time: ``end_ns``, ``start_ns``, ``sequence`` (m,), values (m, 7).
+
+    The values' columns are named above: displacement in the agent's frame (m), the agent's
+    heading at the end (rad), and published variances of a horizontal axis, of turn and of height.
+    """
+
+    end_ns: Ints
+    start_ns: Ints
+    sequence: Ints
+    values: Floats
+
+
+class MoveLog:
+    """Increments in the order of their time; one that is late is put where it belongs."""
+
+    def __init__(self) -> None:
+        self._times = np.empty((64, 3), np.int64)
+        self._values = np.empty((64, 7))
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, increment: OdometryIncrement) -> bool:
+        """Take it in; ``False`` if it was here before."""
+        if self._count == len(self._times):
+            self._times = np.concatenate([self._times, np.empty_like(self._times)])
+            self._values = np.concatenate([self._values, np.empty_like(self._values)])
+        mark = (increment.event_time_ns, increment.sequence)
+        at = self._count
+        while at and (int(self._times[at - 1, 0]), int(self._times[at - 1, 2])) > mark:
+            at -= 1
+        if at and (int(self._times[at - 1, 0]), int(self._times[at - 1, 2])) == mark:
+            return False
+        for table in (self._times, self._values):
+            table[at + 1 : self._count + 1] = table[at : self._count].copy()
+        self._times[at] = increment.event_time_ns, increment.start_time_ns, increment.sequence
+        nn, ee, dd, hh = (increment.covariance[entry] for entry in (0, 4, 7, 9))
+        self._values[at] = (
+            increment.d_north_m, increment.d_east_m, increment.d_down_m, increment.heading_rad,
+            0.5 * max(nn + ee, 0.0), max(hh, 0.0), max(dd, 0.0),
+        )  # fmt: skip
+        self._count += 1
+        return True
+
+    def until(self, time_ns: int) -> Moves:
+        """Return the moves that ended by ``time_ns``, without copying them."""
+        count = int(np.searchsorted(self._times[: self._count, 0], time_ns, side="right"))
+        end_ns, start_ns, sequence = self._times[:count].T
+        return Moves(end_ns, start_ns, sequence, self._values[:count])
+
+    def after(self, time_ns: int) -> Moves:
+        """Return the moves that ended after ``time_ns``."""
+        first = int(np.searchsorted(self._times[: self._count, 0], time_ns, side="right"))
+        end_ns, start_ns, sequence = self._times[first : self._count].T
+        return Moves(end_ns, start_ns, sequence, self._values[first : self._count])
+
+
+@dataclass
+class ResponderLog:
+    """What has been heard of one responder."""
+
+    starts: list[Start] = field(default_factory=list)
+    moves: MoveLog = field(default_factory=MoveLog)
+    peaks: list[Peak] = field(default_factory=list)
+    nears: list[Peak] = field(default_factory=list)
+    contacts: list[Peak] = field(default_factory=list)
+    fixes: list[Fix] = field(default_factory=list)
+
+    def starts_until(self, time_ns: int) -> list[Start]:
+        """Return the starts that count by ``time_ns``: of several with no move between, the last.
+
+        The first move of one who never said to have started makes an unknown start.
+        """
+        moves = self.moves.until(time_ns)
+        said = self.starts[: bisect_right(self.starts, time_ns, key=lambda each: each.time_ns)]
+        counting: list[Start] = []
+        for start in said:
+            if counting and not _moved_between(moves, counting[-1].time_ns, start.time_ns):
+                position = start.position or counting[-1].position
+                start = start._replace(position=position, time_ns=counting[-1].time_ns)
+                counting.pop()
+            counting.append(start)
+        if moves.end_ns.size and (not counting or moves.end_ns[0] <= counting[0].time_ns):
+            counting.insert(0, Start(int(moves.start_ns[0]), 0, 100.0, None))
+        return counting
+
+
+def _moved_between(moves: Moves, since_ns: int, until_ns: int) -> bool:
+    first, last = np.searchsorted(moves.end_ns, [since_ns, until_ns], side="right")
+    return bool(last > first)
+
+
+class TeamLog:
+    """The whole team's. Each ``add_…`` says whether what it was given is new."""
+
+    def __init__(self) -> None:
+        self.responders: dict[str, ResponderLog] = {}
+        self.daps: dict[str, list[Installed]] = {}
+
+    def of(self, responder_id: str) -> ResponderLog:
+        """Return a responder's log, begun if need be."""
+        return self.responders.setdefault(responder_id, ResponderLog())
+
+    def add_start(self, responder_id: str, said: TrackStart) -> bool:
+        """A unit begins."""
+        start = Start(said.event_time_ns, said.sequence, said.heading_sd_rad, said.position)
+        starts = self.of(responder_id).starts
+        if any(each[:2] == start[:2] for each in starts):
+            return False
+        insort(starts, start, key=lambda each: each[:2])
+        return True
+
+    def add_move(self, responder_id: str, increment: OdometryIncrement) -> bool:
+        """A responder moved."""
+        return self.of(responder_id).moves.add(increment)
+
+    def add_peak(self, dap_id: str, said: RssiPeak) -> bool:
+        """A responder passed a DAP."""
+        peak = Peak(said.event_time_ns, dap_id, said.peak_dbm)
+        return _insert(self.of(said.responder_id).peaks, peak)
+
+    def add_near(self, dap_id: str, said: ProximityEvent) -> bool:
+        """A DAP holds a responder to be near."""
+        near = Peak(said.event_time_ns, dap_id, said.rssi_mean_dbm)
+        return _insert(self.of(said.responder_id).nears, near)
+
+    def add_contact(self, responder_id: str, said: Contact) -> bool:
+        """Two responders met; kept with the one whose id comes first."""
+        one, other = sorted((responder_id, said.other_id))
+        if one == other:
+            return False
+        self.of(other)
+        return _insert(self.of(one).contacts, Peak(said.event_time_ns, other, said.peak_dbm))
+
+    def add_fix(self, said: PositionFix) -> bool:
+        """Somebody says where a responder is."""
+        fix = Fix(said.event_time_ns, said.source, said.position)
+        fixes = self.of(said.responder_id).fixes
+        if fix in fixes:
+            return False
+        insort(fixes, fix, key=lambda each: each[:2])
+        return True
+
+    def add_dap(self, dap_id: str, said: DapInstallation) -> bool:
+        """A DAP says when it was set down. What a place it had been told adds is not news."""
+        installs = self.daps.setdefault(dap_id, [])
+        if any(each.time_ns == said.event_time_ns for each in installs):
+            return False
+        position = said.position
+        insort(
+            installs,
+            Installed(said.event_time_ns, said.installer_id, position),
+            key=lambda each: each.time_ns,
+        )
+        return True
+
+
+def _insert(events: list[Peak], event: Peak) -> bool:
+    at = bisect_right(events, event)
+    if at and events[at - 1] == event:
+        return False
+    events.insert(at, event)
+    return True

@@ -1,0 +1,91 @@
+"""What the team's smoother can be told, with the defaults it is tuned to."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from typing import Annotated, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+Metres: TypeAlias = Annotated[float, Meta(gt=0.0, le=1e4)]
+Seconds: TypeAlias = Annotated[float, Meta(gt=0.0, le=1e4)]
+Radians: TypeAlias = Annotated[float, Meta(gt=0.0, le=100.0)]
+
+
+class Sharpness(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How near somebody passed whose signal peaked so high: ``sd_m`` at ``peak_dbm``, ascending.
+
+    Between two it is interpolated. Peaks below ``least_dbm`` say too little to be used.
+    """
+
+    peak_dbm: tuple[float, ...] = (-58.0, -54.0, -50.0, -46.0, -42.0, -38.0)
+    sd_m: tuple[float, ...] = (5.5, 3.8, 2.9, 1.5, 0.8, 0.6)
+    least_dbm: float = -48.0
+    dof: Annotated[float, Meta(ge=1.0, le=1000.0)] = 4.0
+
+    def __post_init__(self) -> None:
+        """Refuse a table that cannot be read."""
+        if len(self.peak_dbm) != len(self.sd_m) or not self.peak_dbm:
+            raise ValueError("sharpness: give as many sd_m as peak_dbm, one at least")
+        if list(self.peak_dbm) != sorted(set(self.peak_dbm)):
+            raise ValueError("sharpness.peak_dbm: put them in ascending order")
+
+    def sd_at_m(self, peak_dbm: float) -> float:
+        """Return the standard deviation of the place (m) for a peak of that power."""
+        at = bisect_right(self.peak_dbm, peak_dbm)
+        if at == 0:
+            return self.sd_m[0]
+        if at == len(self.peak_dbm):
+            return self.sd_m[-1]
+        share = (peak_dbm - self.peak_dbm[at - 1]) / (self.peak_dbm[at] - self.peak_dbm[at - 1])
+        return self.sd_m[at - 1] + share * (self.sd_m[at] - self.sd_m[at - 1])
+
+
+class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The smoother's parameters.
+
+    Every ``tick_s`` the whole team is solved; every ``commit_s`` the solution is kept as what the
+    next ones start from, after other headings have been tried for each responder and adopted where
+    the cost falls by more than ``adopt_gain``. Nodes are set every ``node_m`` or ``node_s``.
+    """
+
+    tick_s: Seconds = 2.0
+    commit_s: Seconds = 10.0
+    node_m: Metres = 6.0
+    node_s: Seconds = 15.0
+    tick_iterations: Annotated[int, Meta(ge=1, le=100)] = 5
+    commit_iterations: Annotated[int, Meta(ge=1, le=100)] = 12
+    settled_m: Metres = 0.01
+    adopt_gain: Annotated[float, Meta(ge=0.0, le=1e3)] = 4.0
+
+    scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.02
+    drift_sd_rad_s: Radians = math.radians(0.05)
+    stride_sd_m: Metres = 0.03
+    stride_sd_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.025
+    stride_turn_sd_rad: Radians = math.radians(0.85)
+    lost_stride_m: Metres = 1.2
+    start_sd_m: Metres = 0.5
+    entrance_sd_m: Metres = 1.0
+    unknown_start_sd_m: Metres = 30.0
+    restart_sd_m: Metres = 1.0
+    restart_speed_m_s: Metres = 1.0
+
+    install_sd_m: Metres = 0.3
+    near_sd_m: Metres = 2.5
+    sharpness: Sharpness = Sharpness()
+    contact_gain_db: Annotated[float, Meta(ge=-50.0, le=50.0)] = 5.0
+    contact_least_dbm: float = -54.0
+    contact_sd_least_m: Metres = 0.6
+    contact_again_s: Seconds = 10.0
+
+    axis: bool = True
+    axis_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] = 0.0
+    axis_sd_rad: Radians = math.radians(2.0)
+    straight_sd_rad: Radians = math.radians(6.0)
+    straight_least_m: Metres = 1.8
+    straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985
+    axis_from_turn_sd_rad: Radians = math.radians(12.0)
+
+    covariance_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0

@@ -1,0 +1,175 @@
+"""A solution of the team's graph, kept by time, so that a later graph can start from it (pure)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from command_post.fusion.team.arithmetic import sine_cosine
+from command_post.fusion.team.assembly import (
+    NO_AXIS,
+    UNKNOWN_TURN_SD_RAD,
+    Assembled,
+    AxisBelief,
+    PlaceId,
+)
+from command_post.fusion.team.chain import Chain
+from command_post.fusion.team.log import Floats, Ints
+from shared.compiled import compiled
+
+
+class ChainSolution(NamedTuple):
+    """A responder's nodes by time (k,), their poses (k, 3), and each unit's scale and drift."""
+
+    time_ns: Ints
+    pose: Floats
+    units: Floats
+
+
+class Solution(NamedTuple):
+    """The team as it was solved at ``time_ns``, at that cost, and what was believed of its axis."""
+
+    time_ns: int
+    chains: Mapping[str, ChainSolution]
+    places: Mapping[PlaceId, tuple[float, float]]
+    axis_rad: float
+    belief: AxisBelief
+    cost: float
+
+
+NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf)
+
+
+def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
+    """Return poses and arrow to start the graph from: what was solved before, and moves since."""
+    pose = np.zeros((int(assembled.graph.first[-1]), 3))
+    arrow = np.zeros(assembled.arrow_size)
+    arrow[0] = before.axis_rad
+    for index, chain in enumerate(assembled.chains):
+        known = before.chains.get(chain.responder_id)
+        first = int(assembled.graph.first[index])
+        units = np.zeros((len(chain.starts), 2))
+        if known is not None:
+            shared = min(len(units), len(known.units))
+            units[:shared] = known.units[:shared]
+        begin = _first_place(assembled, index)
+        times, poses = (np.empty(0, np.int64), np.empty((0, 3))) if known is None else known[:2]
+        pose[first : first + len(assembled.nodes[index])] = _extended(
+            chain.time_ns, chain.way_m, chain.unit, assembled.nodes[index],
+            times, poses, units[:, 0].copy(), begin[0], begin[1],
+        )  # fmt: skip
+        column = 1 + 2 * assembled.unit_first[index]
+        arrow[column : column + units.size] = units.ravel()
+    for place, place_id in enumerate(assembled.places):
+        column = assembled.place_column(place)
+        node = assembled.seen_at[place]
+        if place_id in before.places:
+            arrow[column : column + 2] = before.places[place_id]
+        elif assembled.graph.place[place, 2] < 100.0 or node < 0:
+            arrow[column : column + 2] = assembled.graph.place[place, :2]
+        else:
+            arrow[column : column + 2] = pose[node, :2]
+    return pose, arrow
+
+
+def _first_place(assembled: Assembled, chain: int) -> tuple[float, float]:
+    """Return where the chain's first node is fixed."""
+    first = int(assembled.graph.first[chain])
+    row = int(np.flatnonzero(assembled.graph.fix_at == first)[0])
+    _, _, north_m, east_m, _, _ = assembled.graph.fix[row].tolist()
+    return north_m, east_m
+
+
+@compiled
+def _extended(
+    time_ns: Ints,
+    way_m: Floats,
+    unit: Ints,
+    nodes: Ints,
+    known_ns: Ints,
+    known: Floats,
+    scale: Floats,
+    north_m: float,
+    east_m: float,
+) -> Floats:
+    """Return poses (k, 3) of nodes: the last one known by each one's time, and the way from it."""
+    poses = np.zeros((nodes.size, 3))
+    at = -1
+    base = 0
+    base_pose = np.array([north_m, east_m, 0.0])
+    for index in range(nodes.size):
+        stance = nodes[index]
+        while at + 1 < known_ns.size and known_ns[at + 1] <= time_ns[stance]:
+            at += 1
+            base_pose = known[at].copy()
+            base = np.searchsorted(time_ns, known_ns[at], side="right") - 1
+            # Of two stances at one time the node that is meant is that of this unit.
+            if time_ns[stance] == known_ns[at]:
+                base = stance
+        if unit[base] != unit[stance]:
+            while unit[base] != unit[stance]:
+                base += 1
+            base_pose = base_pose.copy()
+            base_pose[2] = 0.0
+        sine, cosine = sine_cosine(base_pose[2])
+        north = (1.0 + scale[unit[stance]]) * (way_m[stance, 0] - way_m[base, 0])
+        east = (1.0 + scale[unit[stance]]) * (way_m[stance, 1] - way_m[base, 1])
+        poses[index, 0] = base_pose[0] + cosine * north - sine * east
+        poses[index, 1] = base_pose[1] + sine * north + cosine * east
+        poses[index, 2] = base_pose[2]
+    return poses
+
+
+def solution_of(
+    time_ns: int,
+    assembled: Assembled,
+    pose: Floats,
+    arrow: Floats,
+    belief: AxisBelief,
+    cost: float,
+) -> Solution:
+    """Return what was solved, by time and name."""
+    chains = {}
+    for index, chain in enumerate(assembled.chains):
+        first, end = assembled.graph.first[index], assembled.graph.first[index + 1]
+        column = 1 + 2 * assembled.unit_first[index]
+        units = arrow[column : column + 2 * len(chain.starts)].reshape(-1, 2).copy()
+        chains[chain.responder_id] = ChainSolution(
+            chain.time_ns[assembled.nodes[index]].copy(), pose[first:end].copy(), units
+        )
+    places = {}
+    for place, place_id in enumerate(assembled.places):
+        column = assembled.place_column(place)
+        places[place_id] = (float(arrow[column]), float(arrow[column + 1]))
+    return Solution(time_ns, chains, places, float(arrow[0]), belief, cost)
+
+
+def turned(
+    assembled: Assembled, pose: Floats, arrow: Floats, chain_index: int, turn_rad: float
+) -> tuple[Floats, Floats]:
+    """Return poses and arrow with one responder's whole way turned about where it begins.
+
+    The places they installed go along, and their heading drift is forgotten.
+    """
+    chain: Chain = assembled.chains[chain_index]
+    first, end = int(assembled.graph.first[chain_index]), int(assembled.graph.first[chain_index + 1])
+    pose, arrow = pose.copy(), arrow.copy()
+    turn = float(pose[first, 2]) + turn_rad
+    sine, cosine = sine_cosine(turn)
+    way_m = chain.way_m[assembled.nodes[chain_index]] - chain.way_m[0]
+    pose[first:end, 0] = pose[first, 0] + cosine * way_m[:, 0] - sine * way_m[:, 1]
+    pose[first:end, 1] = pose[first, 1] + sine * way_m[:, 0] + cosine * way_m[:, 1]
+    pose[first:end, 2] = turn
+    for place, by in enumerate(assembled.installed_by):
+        if by == chain_index:
+            column = assembled.place_column(place)
+            arrow[column : column + 2] = pose[assembled.seen_at[place], :2]
+    return pose, arrow
+
+
+def is_known(variance_rad2: float) -> bool:
+    """Whether a turn's variance says anything."""
+    return variance_rad2 < UNKNOWN_TURN_SD_RAD**2 / 100.0

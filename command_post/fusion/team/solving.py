@@ -1,0 +1,187 @@
+"""One moment's solution: from the last commit's, by way of other headings and axes (pure)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from command_post.fusion.team.arithmetic import logarithm
+from command_post.fusion.team.assembly import (
+    ANY_AXIS_SD_RAD,
+    NO_AXIS,
+    Assembled,
+    AxisBelief,
+    assemble,
+)
+from command_post.fusion.team.chain import turn_known
+from command_post.fusion.team.log import Floats, TeamLog
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.smoother import ENDS_ONLY, NO_COVARIANCE, smooth
+from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
+
+KNOWN_TURNS_RAD = tuple(math.radians(each) for each in (-60.0, -30.0, 30.0, 60.0))
+UNKNOWN_TURNS_RAD = tuple(math.radians(each) for each in range(-150, 181, 30))
+LEAST_NODES = 4
+HALF_PI = math.pi / 2.0
+UNIFORM_COST = -2.0 * math.log(2.0 / math.pi)
+AXIS_GRID = 45
+FREE_AXIS_COST = 6.0
+NO_AXIS_COST = 8.0
+"""How much less likely beforehand a building is that stands askew, or has no axis."""
+
+
+class Solved(NamedTuple):
+    """A graph solved: poses (n, 3), arrow (A,), ends' covariances (R, 6), the arrow's (A, A)."""
+
+    assembled: Assembled
+    pose: Floats
+    arrow: Floats
+    cost: float
+    ends: Floats
+    shared: Floats
+    belief: AxisBelief
+
+    def solution(self, time_ns: int) -> Solution:
+        """Return it by time and name."""
+        return solution_of(
+            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost
+        )
+
+
+def solve(
+    log: TeamLog, time_ns: int, before: Solution, belief: AxisBelief, settings: TeamSettings,
+    iterations: int,
+) -> Solved | None:  # fmt: skip
+    """Return the team at ``time_ns``, started from ``before``; ``None`` if nobody has started."""
+    assembled = assemble(log, time_ns, belief, settings)
+    if assembled is None:
+        return None
+    pose, arrow = begin_from(before, assembled)
+    if belief.mode == "free" and before.belief.mode != "free":
+        arrow[0] = belief.axis_rad
+    return _solved(assembled, pose, arrow, belief, settings, iterations)
+
+
+def _solved(
+    assembled: Assembled, pose: Floats, arrow: Floats, belief: AxisBelief,
+    settings: TeamSettings, iterations: int, covariance: int = ENDS_ONLY,
+) -> Solved:  # fmt: skip
+    cost, _, ends, shared = smooth(
+        assembled.graph, pose, arrow, iterations, settings.settled_m, covariance
+    )
+    return Solved(assembled, pose, arrow, cost, ends, shared, belief)
+
+
+def commit(
+    log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings
+) -> Solved | None:
+    """Return the team at ``time_ns``, having tried other axes and other headings for everybody."""
+    found = solve(log, time_ns, before, before.belief, settings, settings.commit_iterations)
+    if found is None:
+        return None
+    if settings.axis:
+        found = _with_axis(log, time_ns, before, found, settings)
+    for chain in range(len(found.assembled.chains)):
+        found = _with_other_headings(found, chain, settings)
+    return found
+
+
+def _with_axis(
+    log: TeamLog, time_ns: int, before: Solution, found: Solved, settings: TeamSettings
+) -> Solved:
+    """Return the solution under the belief of the building that explains the team's ways best."""
+    held = before.belief.chains | {
+        chain.responder_id
+        for index, chain in enumerate(found.assembled.chains)
+        if found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
+    }
+    given = AxisBelief("given", settings.axis_rad, settings.axis_sd_rad, held)
+    trials: list[tuple[float, Solved]] = []
+    for belief in (given, AxisBelief("free", 0.0, ANY_AXIS_SD_RAD, held), NO_AXIS):
+        start = before
+        if belief.mode == "free":
+            belief = belief._replace(axis_rad=_likely_axis(found, held, settings))
+        tried = solve(log, time_ns, start, belief, settings, settings.commit_iterations)
+        if tried is not None:
+            # Hysteresis: the belief held so far has the better of a tie.
+            stays = settings.adopt_gain if belief.mode == before.belief.mode else 0.0
+            trials.append((_belief_cost(tried, settings) - stays, tried))
+    return min(trials, key=lambda each: each[0])[1]
+
+
+def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
+    """Return twice the negative log-posterior, comparable between beliefs of the axis.
+
+    Of a building with an axis the directions of straight moves have a wrapped Cauchy density,
+    without one they are uniform. That most buildings have one, and that the incident's frame is
+    laid along it, is worth something beforehand.
+    """
+    count = len(tried.assembled.graph.straight_at)
+    gained = count * (2.0 * math.log(math.pi * settings.straight_sd_rad) - UNIFORM_COST)
+    if tried.belief.mode == "given":
+        return tried.cost + gained
+    if tried.belief.mode == "free":
+        return tried.cost + gained + FREE_AXIS_COST
+    return tried.cost + NO_AXIS_COST
+
+
+def _likely_axis(found: Solved, held: frozenset[str], settings: TeamSettings) -> float:
+    """Return the axis (rad) that the straight moves of the solution suit best, by a grid."""
+    directions = _directions_rad(found, held, settings)
+    if directions.size == 0:
+        return 0.0
+    best_rad, best = 0.0, math.inf
+    for step in range(AXIS_GRID):
+        axis_rad = HALF_PI * step / AXIS_GRID
+        off_rad = directions - axis_rad
+        off_rad -= HALF_PI * np.round(off_rad / HALF_PI)
+        cost = 0.0
+        for off in (off_rad / settings.straight_sd_rad).tolist():
+            cost += logarithm(1.0 + off * off)
+        if cost < best:
+            best_rad, best = axis_rad, cost
+    return best_rad
+
+
+def _directions_rad(found: Solved, held: frozenset[str], settings: TeamSettings) -> Floats:
+    directions = []
+    graph = found.assembled.graph
+    for index, chain in enumerate(found.assembled.chains):
+        if chain.responder_id not in held:
+            continue
+        nodes = found.assembled.nodes[index]
+        way_m = np.diff(chain.way_m[nodes], axis=0)
+        length_m = np.diff(chain.length_m[nodes])
+        first = int(graph.first[index])
+        for at, (north, east) in enumerate(way_m.tolist()):
+            straight_m = math.sqrt(north * north + east * east)
+            if straight_m > settings.straight_least_m and (
+                straight_m >= settings.straight_share * length_m[at]
+            ):
+                turn_rad = 0.5 * (found.pose[first + at, 2] + found.pose[first + at + 1, 2])
+                directions.append(math.atan2(east, north) + turn_rad)
+    return np.array(directions)
+
+
+def _with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> Solved:
+    """Return the best of the solution and those with one responder's way turned as a whole."""
+    assembled = found.assembled
+    if len(assembled.nodes[chain]) < LEAST_NODES:
+        return found
+    known = turn_known(assembled.chains[chain].starts[0])
+    best = found
+    for turn_rad in KNOWN_TURNS_RAD if known else UNKNOWN_TURNS_RAD:
+        pose, arrow = turned(assembled, found.pose, found.arrow, chain, turn_rad)
+        tried = _solved(
+            assembled, pose, arrow, found.belief, settings, settings.commit_iterations,
+            NO_COVARIANCE,
+        )  # fmt: skip
+        if tried.cost < best.cost - settings.adopt_gain:
+            best = tried
+    if best is found:
+        return found
+    return _solved(
+        assembled, best.pose, best.arrow, best.belief, settings, settings.commit_iterations
+    )
