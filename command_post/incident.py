@@ -14,7 +14,9 @@ from typing import NamedTuple
 import msgspec
 
 from command_post.fusion.dap_map import InstalledDap
+from command_post.fusion.interface import Afterwards, Fusion
 from command_post.fusion.settings import FusionSettings
+from command_post.fusion.team.team_tracker import TeamTracker
 from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
 from command_post.fusion.track import Estimate
 from command_post.fusion.tracker import Tracker
@@ -23,13 +25,17 @@ from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
     Alarm,
     AlarmKind,
+    Contact,
     DapEstimate,
     DapInstallation,
+    HeightFix,
     Message,
     NodeHealth,
     NodeId,
     OdometryIncrement,
+    PositionFix,
     ProximityEvent,
+    RssiPeak,
     TrackEstimate,
     TrackStart,
 )
@@ -45,8 +51,12 @@ UNNAMED = "?"
 _FUSED = frozenset(
     name
     for name, topic in TOPICS.items()
-    if topic.message in {TrackStart, OdometryIncrement, ProximityEvent, DapInstallation}
-)
+    if topic.message
+    in {
+        TrackStart, OdometryIncrement, ProximityEvent, RssiPeak, Contact, PositionFix, HeightFix,
+        DapInstallation,
+    }
+)  # fmt: skip
 
 
 class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -130,7 +140,11 @@ class Incident:
 
         self._moved_in_time = 0
         self._time_line = TimeLine(settings.time_line)
-        self._tracker = Tracker(settings.fusion)
+        self._tracker: Fusion = (
+            TeamTracker(settings.fusion.team)
+            if settings.fusion.method == "team"
+            else Tracker(settings.fusion)
+        )
         self._sequences: Counter[str] = Counter()
 
     @property
@@ -198,6 +212,10 @@ class Incident:
         elif isinstance(refusal := decode(parsed, payload), Refusal):
             self._refuse(refusal.reason, parsed.node_id, refusal.detail)
         return self._fuse(self._time_line.release(now_ns))
+
+    def afterwards(self) -> Afterwards | None:
+        """Return everybody's way with all that is known by now, if the method can say that."""
+        return self._tracker.afterwards()
 
     def finish(self, now_ns: int) -> list[Outgoing]:
         """Release everything that is held back; return what is to be published."""
@@ -295,21 +313,34 @@ class Incident:
 
     def _outcome(self, event: Event) -> Iterator[Outgoing]:
         """Let the tracker have one event, and say what it changed."""
-        node_id = event.key.node_id
-        match event.dated:
-            case TrackStart() as start:
-                yield from self._track(node_id, self._tracker.start(node_id, start))
-            case OdometryIncrement() as increment:
-                yield from self._track(node_id, self._tracker.move(node_id, increment))
-            case ProximityEvent() as near:
-                yield from self._track(near.responder_id, self._tracker.near(node_id, near))
-            case DapInstallation() as said:
-                yield from self._dap_place(node_id, self._tracker.install(node_id, said))
+        self._give(event.key.node_id, event.dated)
+        changes = self._tracker.take_changes()
+        for responder_id, estimate in changes.estimates:
+            yield self._track(responder_id, estimate)
+        for dap_id, dap in changes.daps:
+            yield self._dap_place(dap_id, dap)
 
-    def _track(self, responder_id: str, estimate: Estimate | None) -> Iterator[Outgoing]:
-        if estimate is None:
-            return
-        yield self._outgoing(
+    def _give(self, node_id: str, message: Message) -> None:
+        match message:
+            case TrackStart() as start:
+                self._tracker.start(node_id, start)
+            case OdometryIncrement() as increment:
+                self._tracker.move(node_id, increment)
+            case ProximityEvent() as near:
+                self._tracker.near(node_id, near)
+            case RssiPeak() as peak:
+                self._tracker.peak(node_id, peak)
+            case Contact() as contact:
+                self._tracker.contact(node_id, contact)
+            case PositionFix() as fix:
+                self._tracker.fix(fix)
+            case HeightFix() as height:
+                self._tracker.height_fix(height)
+            case DapInstallation() as said:
+                self._tracker.install(node_id, said)
+
+    def _track(self, responder_id: str, estimate: Estimate) -> Outgoing:
+        return self._outgoing(
             TrackEstimate(
                 event_time_ns=estimate.time_ns,
                 sequence=self._next_sequence("track"),
@@ -321,15 +352,16 @@ class Incident:
                 heading_rad=estimate.heading_rad,
                 heading_sd_rad=estimate.heading_sd_rad,
                 last_proximity_time_ns=estimate.last_proximity_time_ns,
+                down_sd_m=estimate.down_sd_m,
             ),
             "track",
         )
 
-    def _dap_place(self, dap_id: str, dap: InstalledDap | None) -> Iterator[Outgoing]:
-        if dap is None:
-            return
-        installed_ns, said_ns = self._said_installed[dap_id]
-        yield self._outgoing(
+    def _dap_place(self, dap_id: str, dap: InstalledDap) -> Outgoing:
+        installed_ns, said_ns = self._said_installed.get(
+            dap_id, (dap.installed_ns, dap.installed_ns)
+        )
+        return self._outgoing(
             DapEstimate(
                 # The DAP knows its installation by the time that it gave itself.
                 event_time_ns=said_ns if dap.installed_ns == installed_ns else dap.installed_ns,

@@ -7,13 +7,18 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from command_post.fusion.dap_map import DapMap, InstalledDap
+from command_post.fusion.interface import Changes
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.track import Estimate, Track, origin
 from shared.messages import (
+    Contact,
     DapInstallation,
+    HeightFix,
     LocalPosition,
     OdometryIncrement,
+    PositionFix,
     ProximityEvent,
+    RssiPeak,
     TrackStart,
 )
 
@@ -34,6 +39,8 @@ class Tracker:
         self._settings = settings
         self._tracks: dict[str, Track] = {}
         self._daps = DapMap()
+        self._changed: dict[str, Estimate] = {}
+        self._changed_daps: dict[str, InstalledDap] = {}
         self.counts: Counter[str] = Counter()
 
     @property
@@ -46,8 +53,8 @@ class Tracker:
         """The newest estimate of every responder, by id."""
         return {responder_id: track.estimate for responder_id, track in self._tracks.items()}
 
-    def start(self, responder_id: str, start: TrackStart) -> Estimate | None:
-        """Begin a track, or begin it again; ``None`` if the one there began then or later.
+    def start(self, responder_id: str, start: TrackStart) -> None:
+        """Begin a track, or begin it again, unless the one there began then or later.
 
         Strides that were heard already and ended after the start belong to the new track.
         """
@@ -56,15 +63,15 @@ class Tracker:
             if start.event_time_ns < before.started_ns:
                 self.counts["stale_start"] += 1
             if start.event_time_ns <= before.started_ns:
-                return None
+                return
         position = start.position or self._last_place(before, start.event_time_ns)
         track = Track(responder_id, start, position, start.event_time_ns, self._settings)
         for increment in before.moved_after(start.event_time_ns) if before else ():
             track.move(increment)
         self._tracks[responder_id] = track
-        return track.estimate
+        self._changed[responder_id] = track.estimate
 
-    def move(self, responder_id: str, increment: OdometryIncrement) -> Estimate:
+    def move(self, responder_id: str, increment: OdometryIncrement) -> None:
         """Move a responder; one who has not started is first put where nobody knows."""
         track = self._tracks.get(responder_id)
         if track is None:
@@ -73,15 +80,15 @@ class Tracker:
             track = Track(responder_id, None, somewhere, increment.event_time_ns, self._settings)
             self._tracks[responder_id] = track
         self.counts["lost_increment"] += track.move(increment)
-        return track.estimate
+        self._changed[responder_id] = track.estimate
 
-    def near(self, dap_id: str, event: ProximityEvent) -> Estimate | None:
-        """Tie a responder to a DAP; ``None`` if that changes nothing.
+    def near(self, dap_id: str, event: ProximityEvent) -> None:
+        """Tie a responder to a DAP.
 
         ``left`` says only that a stay has ended: it ties nobody.
         """
         if event.phase == "left":
-            return None
+            return
         dap = self._daps.get(dap_id)
         track = self._tracks.get(event.responder_id)
         if dap is None:
@@ -91,17 +98,40 @@ class Tracker:
         elif not track.tie(dap_id, dap.position, event.event_time_ns):
             self.counts["contradicted"] += 1
         else:
-            return track.estimate
-        return None
+            self._changed[event.responder_id] = track.estimate
 
-    def install(self, dap_id: str, said: DapInstallation) -> InstalledDap | None:
-        """Put a DAP on the map; return it if it is to be told where it stands."""
+    def peak(self, dap_id: str, event: RssiPeak) -> None:  # noqa: ARG002
+        """Pass over a peak: the published filter uses nearness alone."""
+        self.counts["unused_by_published"] += 1
+
+    def contact(self, responder_id: str, event: Contact) -> None:  # noqa: ARG002
+        """Pass over a contact, which the published filter does not know."""
+        self.counts["unused_by_published"] += 1
+
+    def fix(self, event: PositionFix) -> None:  # noqa: ARG002
+        """Pass over a fix, which the published filter does not know."""
+        self.counts["unused_by_published"] += 1
+
+    def height_fix(self, event: HeightFix) -> None:  # noqa: ARG002
+        """Pass over a height, which the published filter does not know."""
+        self.counts["unused_by_published"] += 1
+
+    def install(self, dap_id: str, said: DapInstallation) -> None:
+        """Put a DAP on the map; tell where it stands, if it is to be told."""
         outcome = self._daps.install(dap_id, said, self._place_of)
         if outcome in {"unplaced", "superseded"}:
             self.counts[outcome] += 1
-            return None
-        asks = outcome == "placed" or said.position is None
-        return self._daps[dap_id] if asks else None
+        elif outcome == "placed" or said.position is None:
+            self._changed_daps[dap_id] = self._daps[dap_id]
+
+    def take_changes(self) -> Changes:
+        """Return what has changed since this was last asked."""
+        estimates, self._changed = sorted(self._changed.items()), {}
+        daps, self._changed_daps = sorted(self._changed_daps.items()), {}
+        return Changes(estimates, daps)
+
+    def afterwards(self) -> None:
+        """Return nothing: the published filter does not smooth."""
 
     def _last_place(self, before: Track | None, time_ns: int) -> LocalPosition:
         """Return where one who does not say it starts: where they were held to be, if started."""

@@ -14,6 +14,7 @@ from command_post.fusion.team.chain import Chain, chain_of, place_nodes, turn_kn
 from command_post.fusion.team.graph import Graph, with_columns
 from command_post.fusion.team.log import Floats, Installed, Ints, Peak, TeamLog
 from command_post.fusion.team.settings import TeamSettings
+from shared.messages import LocalPosition
 from shared.units import NS_PER_S
 
 PlaceId: TypeAlias = tuple[str, ...]
@@ -103,10 +104,11 @@ def assemble(
 def _ties(
     log: TeamLog, chains: list[Chain], until_ns: int, settings: TeamSettings
 ) -> tuple[list[_Tie], dict[PlaceId, _Known]]:
+    """Return all ties, and what is known of places beforehand."""
     number = {chain.responder_id: index for index, chain in enumerate(chains)}
-    ties: list[_Tie] = []
-    known: dict[PlaceId, _Known] = {}
     stands: dict[str, list[Installed]] = {}
+    known: dict[PlaceId, _Known] = {}
+    ties: list[_Tie] = []
     for dap_id in sorted(log.daps):
         for installed in log.daps[dap_id]:
             if installed.time_ns > until_ns:
@@ -114,36 +116,59 @@ def _ties(
             place = _dap_place(dap_id, installed)
             chain = number.get(installed.installer_id or "")
             if chain is not None:
-                ties.append(
-                    _tie(chains, chain, installed.time_ns, place, settings.install_sd_m, 0.0)
-                )
+                sd_m = settings.install_sd_m
+                ties.append(_tie(chains, chain, installed.time_ns, place, sd_m, 0.0))
             elif installed.position is not None:
-                at = installed.position
-                sd_m = math.sqrt(max(0.5 * (at.covariance_m2[0] + at.covariance_m2[2]), 0.01))
-                known[place] = _Known(at.north_m, at.east_m, sd_m)
+                known[place] = _known(installed.position)
             else:
                 continue
             stands.setdefault(dap_id, []).append(installed)
-    for index, chain_ in enumerate(chains):
-        heard = log.responders[chain_.responder_id]
-        for peak in _passes(heard.peaks, heard.nears, until_ns, settings):
-            standing = stands.get(peak.other_id, [])
-            at = bisect_right(standing, peak.time_ns, key=lambda each: each.time_ns)
-            if at:
-                place = _dap_place(peak.other_id, standing[at - 1])
-                sd_m = settings.sharpness.sd_at_m(peak.peak_dbm)
-                ties.append(_tie(chains, index, peak.time_ns, place, sd_m, settings.sharpness.dof))
-        for meeting in _meetings(heard.contacts, until_ns, settings):
-            other = number.get(meeting.other_id)
-            if other is not None:
-                place = ("meeting", chain_.responder_id, meeting.other_id, str(meeting.time_ns))
-                sd_m = settings.sharpness.sd_at_m(meeting.peak_dbm + settings.contact_gain_db)
-                sd_m = max(sd_m, settings.contact_sd_least_m) * 0.75
-                for each in (index, other):
-                    ties.append(
-                        _tie(chains, each, meeting.time_ns, place, sd_m, settings.sharpness.dof)
-                    )
+    for index in range(len(chains)):
+        ties += _pass_ties(log, chains, index, stands, until_ns, settings)
+        ties += _meeting_ties(log, chains, index, number, until_ns, settings)
     return ties, known
+
+
+def _known(position: LocalPosition) -> _Known:
+    nn, _, ee = position.covariance_m2
+    return _Known(position.north_m, position.east_m, math.sqrt(max(0.5 * (nn + ee), 0.01)))
+
+
+def _pass_ties(
+    log: TeamLog, chains: list[Chain], index: int, stands: dict[str, list[Installed]],
+    until_ns: int, settings: TeamSettings,
+) -> list[_Tie]:  # fmt: skip
+    """Return a responder's passes of DAPs, each tied to where the DAP then stood."""
+    heard = log.responders[chains[index].responder_id]
+    ties = []
+    for peak in _passes(heard.peaks, heard.nears, until_ns, settings):
+        standing = stands.get(peak.other_id, [])
+        at = bisect_right(standing, peak.time_ns, key=lambda each: each.time_ns)
+        if at:
+            place = _dap_place(peak.other_id, standing[at - 1])
+            sd_m = settings.sharpness.sd_at_m(peak.peak_dbm)
+            ties.append(_tie(chains, index, peak.time_ns, place, sd_m, settings.sharpness.dof))
+    return ties
+
+
+def _meeting_ties(
+    log: TeamLog, chains: list[Chain], index: int, number: dict[str, int],
+    until_ns: int, settings: TeamSettings,
+) -> list[_Tie]:  # fmt: skip
+    """Return both ties of each meeting that is logged with this responder."""
+    responder_id = chains[index].responder_id
+    ties = []
+    for meeting in _meetings(log.responders[responder_id].contacts, until_ns, settings):
+        other = number.get(meeting.other_id)
+        if other is None:
+            continue
+        place = ("meeting", responder_id, meeting.other_id, str(meeting.time_ns))
+        sd_m = settings.sharpness.sd_at_m(meeting.peak_dbm + settings.contact_gain_db)
+        # Either is half of the way from where they met.
+        sd_m = settings.contact_share * max(sd_m, settings.contact_sd_least_m)
+        dof = settings.sharpness.dof
+        ties += [_tie(chains, each, meeting.time_ns, place, sd_m, dof) for each in (index, other)]
+    return ties
 
 
 def _dap_place(dap_id: str, installed: Installed) -> PlaceId:
@@ -250,7 +275,7 @@ def _build(
     column = {place: 1 + 2 * units + 2 * at for at, place in enumerate(places)}
     ties = sorted(ties, key=lambda tie: (tie.chain, tie.stance, tie.place, tie.sd_m))
     moves = [
-        _moves(chain, nodes[index], int(first[index]), int(unit_first[index]), settings)
+        _moves(chain, nodes[index], int(first[index]), int(unit_first[index]))
         for index, chain in enumerate(chains)
     ]
     move = np.concatenate([rows for rows, _ in moves])
@@ -260,7 +285,7 @@ def _build(
     ).reshape(-1, 3)
     arrow_size = 1 + 2 * units + 2 * len(places)
     columns, columns_first, width = with_columns(first, move_at, tie_at, arrow_size)
-    straight, straight_at = _straights(chains, nodes, move_at, belief, settings)
+    straight, straight_at = _straights(chains, nodes, belief, settings)
     turns = [
         (node_of[index][0 if unit == 0 else int(chain.links[unit - 1])], start.heading_sd_rad)
         for index, chain in enumerate(chains)
@@ -299,8 +324,8 @@ def _nodes(
         {0, chain.time_ns.size - 1, *chain.links.tolist(), *(chain.links - 1).tolist()}
         for chain in chains
     ]
-    for event in (*ties, *fixes):
-        wanted[event.chain].add(event.stance)
+    for index, stance in (*((t.chain, t.stance) for t in ties), *(f[:2] for f in fixes)):
+        wanted[index].add(stance)
     nodes = [
         place_nodes(
             chain.time_ns,
@@ -314,9 +339,7 @@ def _nodes(
     return nodes, np.concatenate([[0], np.cumsum([len(each) for each in nodes])])
 
 
-def _moves(
-    chain: Chain, nodes: Ints, first: int, first_unit: int, settings: TeamSettings
-) -> tuple[Floats, Ints]:
+def _moves(chain: Chain, nodes: Ints, first: int, first_unit: int) -> tuple[Floats, Ints]:
     """Return a chain's rows of ``Graph.move`` and ``Graph.move_at``."""
     one, other = nodes[:-1], nodes[1:]
     way_m = chain.way_m[other] - chain.way_m[one]
@@ -338,7 +361,6 @@ def _moves(
 def _straights(
     chains: list[Chain],
     nodes: list[Ints],
-    move_at: Ints,
     belief: AxisBelief,
     settings: TeamSettings,
 ) -> tuple[Floats, Ints]:
@@ -360,5 +382,4 @@ def _straights(
             rows.append(np.column_stack([np.array(direction_rad), sd_rad]).reshape(-1, 2))
             at.append(row + found)
         row += count
-    assert row == len(move_at)
     return np.concatenate(rows), np.concatenate(at)

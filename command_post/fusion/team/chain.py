@@ -77,9 +77,9 @@ def chain_of(
     def merged(one: Floats | Ints, other: Floats | Ints) -> Floats:
         return np.asarray(np.concatenate([one, other])[order])
 
-    unit_of_row = np.concatenate(
-        [np.arange(len(starts)), np.zeros(moves.end_ns.size, np.int64)]
-    )[order]
+    unit_of_row = np.concatenate([np.arange(len(starts)), np.zeros(moves.end_ns.size, np.int64)])[
+        order
+    ]
     return Chain(
         responder_id,
         time_ns=merged(added.time_ns, moves.end_ns).astype(np.int64),
@@ -108,8 +108,11 @@ def _link_rows(moves: Moves, starts: list[Start], settings: TeamSettings) -> _Li
     """One row a unit: while nobody counted, its wearer may have gone anywhere they could reach."""
     time_ns = np.array([start.time_ns for start in starts], np.int64)
     last = np.searchsorted(moves.end_ns, time_ns, side="right") - 1
-    silent_s = np.where(last >= 0, time_ns - moves.end_ns[np.maximum(last, 0)], 0) / NS_PER_S \
-        if moves.end_ns.size else np.zeros(len(starts))
+    silent_s = (
+        np.where(last >= 0, time_ns - moves.end_ns[np.maximum(last, 0)], 0) / NS_PER_S
+        if moves.end_ns.size
+        else np.zeros(len(starts))
+    )
     gone_m2 = settings.restart_sd_m**2 + (settings.restart_speed_m_s * silent_s) ** 2
     gone_m2[0] = 0.0
     return _Links(time_ns, np.column_stack([gone_m2, np.zeros(len(starts))]))
@@ -127,9 +130,7 @@ def _move_rows(moves: Moves, settings: TeamSettings) -> _Rows:
 
 
 @compiled
-def place_nodes(
-    time_ns: Ints, length_m: Floats, wanted: Ints, node_m: float, node_ns: int
-) -> Ints:
+def place_nodes(time_ns: Ints, length_m: Floats, wanted: Ints, node_m: float, node_ns: int) -> Ints:
     """Return the stances that become nodes: those wanted (ascending), and no two far apart."""
     nodes = np.empty(time_ns.size, np.int64)
     nodes[0] = wanted[0]

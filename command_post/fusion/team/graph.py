@@ -75,13 +75,10 @@ LARGEST_TURN_RAD = 0.6
 """A step of the solution that turns a node further is shortened, all of it alike."""
 
 
-def arrow_size(graph: Graph, units: int) -> int:
-    """Return the length of the arrow for so many units."""
-    return 1 + 2 * units + 2 * len(graph.place)
-
-
 @compiled
-def with_columns(first: Ints, move_at: Ints, tie_at: Ints, arrow_size: int) -> tuple[Ints, Ints, Ints]:
+def with_columns(
+    first: Ints, move_at: Ints, tie_at: Ints, arrow_size: int
+) -> tuple[Ints, Ints, Ints]:
     """Fill in the last columns of ``move_at`` and ``tie_at``; return the chains' lists of columns.
 
     Rows must be in the order of their nodes. Returns ``columns``, ``columns_first``, ``width``.

@@ -19,7 +19,6 @@ from shared.messages import (
     RssiPeak,
     TrackStart,
 )
-from shared.units import NS_PER_S
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
@@ -140,11 +139,12 @@ class ResponderLog:
         said = self.starts[: bisect_right(self.starts, time_ns, key=lambda each: each.time_ns)]
         counting: list[Start] = []
         for start in said:
-            if counting and not _moved_between(moves, counting[-1].time_ns, start.time_ns):
-                position = start.position or counting[-1].position
-                start = start._replace(position=position, time_ns=counting[-1].time_ns)
-                counting.pop()
-            counting.append(start)
+            last = counting[-1] if counting else None
+            if last is None or _moved_between(moves, last.time_ns, start.time_ns):
+                counting.append(start)
+            else:
+                position = start.position or last.position
+                counting[-1] = start._replace(position=position, time_ns=last.time_ns)
         if moves.end_ns.size and (not counting or moves.end_ns[0] <= counting[0].time_ns):
             counting.insert(0, Start(int(moves.start_ns[0]), 0, 100.0, None))
         return counting

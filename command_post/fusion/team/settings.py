@@ -78,6 +78,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     contact_gain_db: Annotated[float, Meta(ge=-50.0, le=50.0)] = 5.0
     contact_least_dbm: float = -54.0
     contact_sd_least_m: Metres = 0.6
+    contact_share: Annotated[float, Meta(gt=0.0, le=2.0)] = 0.75
     contact_again_s: Seconds = 10.0
 
     axis: bool = True

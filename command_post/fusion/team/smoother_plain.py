@@ -53,7 +53,7 @@ def smooth_plainly(graph: Graph, pose: Floats, arrow: Floats, iterations: int) -
         change *= min(1.0, LARGEST_TURN_RAD / turned) if turned else 1.0
         pose = pose + change[: pose.size].reshape(-1, 3)
         arrow = arrow + change[pose.size :]
-    return Smoothed(pose, arrow, cost, np.linalg.inv(normal))
+    return Smoothed(pose, arrow, cost, np.asarray(np.linalg.inv(normal), np.float64))
 
 
 def _factors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:

@@ -11,7 +11,6 @@ import numpy as np
 from command_post.fusion.team.arithmetic import sine_cosine
 from command_post.fusion.team.assembly import (
     NO_AXIS,
-    UNKNOWN_TURN_SD_RAD,
     Assembled,
     AxisBelief,
     PlaceId,
@@ -155,7 +154,10 @@ def turned(
     The places they installed go along, and their heading drift is forgotten.
     """
     chain: Chain = assembled.chains[chain_index]
-    first, end = int(assembled.graph.first[chain_index]), int(assembled.graph.first[chain_index + 1])
+    first, end = (
+        int(assembled.graph.first[chain_index]),
+        int(assembled.graph.first[chain_index + 1]),
+    )
     pose, arrow = pose.copy(), arrow.copy()
     turn = float(pose[first, 2]) + turn_rad
     sine, cosine = sine_cosine(turn)
@@ -168,8 +170,3 @@ def turned(
             column = assembled.place_column(place)
             arrow[column : column + 2] = pose[assembled.seen_at[place], :2]
     return pose, arrow
-
-
-def is_known(variance_rad2: float) -> bool:
-    """Whether a turn's variance says anything."""
-    return variance_rad2 < UNKNOWN_TURN_SD_RAD**2 / 100.0

@@ -16,9 +16,10 @@ from command_post.fusion.team.assembly import (
     assemble,
 )
 from command_post.fusion.team.chain import turn_known
+from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.log import Floats, TeamLog
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.smoother import ENDS_ONLY, NO_COVARIANCE, smooth
+from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
 
 KNOWN_TURNS_RAD = tuple(math.radians(each) for each in (-60.0, -30.0, 30.0, 60.0))
@@ -45,9 +46,7 @@ class Solved(NamedTuple):
 
     def solution(self, time_ns: int) -> Solution:
         """Return it by time and name."""
-        return solution_of(
-            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost
-        )
+        return solution_of(time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost)
 
 
 def solve(
@@ -74,9 +73,7 @@ def _solved(
     return Solved(assembled, pose, arrow, cost, ends, shared, belief)
 
 
-def commit(
-    log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings
-) -> Solved | None:
+def commit(log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings) -> Solved | None:
     """Return the team at ``time_ns``, having tried other axes and other headings for everybody."""
     found = solve(log, time_ns, before, before.belief, settings, settings.commit_iterations)
     if found is None:
@@ -97,13 +94,14 @@ def _with_axis(
         for index, chain in enumerate(found.assembled.chains)
         if found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
     }
-    given = AxisBelief("given", settings.axis_rad, settings.axis_sd_rad, held)
+    likely_rad = _likely_axis(found, held, settings)
     trials: list[tuple[float, Solved]] = []
-    for belief in (given, AxisBelief("free", 0.0, ANY_AXIS_SD_RAD, held), NO_AXIS):
-        start = before
-        if belief.mode == "free":
-            belief = belief._replace(axis_rad=_likely_axis(found, held, settings))
-        tried = solve(log, time_ns, start, belief, settings, settings.commit_iterations)
+    for belief in (
+        AxisBelief("given", settings.axis_rad, settings.axis_sd_rad, held),
+        AxisBelief("free", likely_rad, ANY_AXIS_SD_RAD, held),
+        NO_AXIS,
+    ):
+        tried = solve(log, time_ns, before, belief, settings, settings.commit_iterations)
         if tried is not None:
             # Hysteresis: the belief held so far has the better of a tie.
             stays = settings.adopt_gain if belief.mode == before.belief.mode else 0.0

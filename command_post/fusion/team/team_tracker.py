@@ -17,11 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from command_post.fusion.dap_map import InstalledDap
+from command_post.fusion.interface import Afterwards, Changes, SmoothedTrack
 from command_post.fusion.team.arithmetic import sine_cosine
 from command_post.fusion.team.assembly import PlaceId
+from command_post.fusion.team.elimination import EVERY_NODE
 from command_post.fusion.team.log import DOWN, DOWN_M2, EAST, HEADING, NORTH, Floats, TeamLog
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.smoother import EVERY_NODE, smooth
+from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import NOTHING, Solution
 from command_post.fusion.team.solving import Solved, commit, solve
 from command_post.fusion.track import MOST_COORDINATE_M, MOST_COVARIANCE_M2, Estimate
@@ -29,6 +31,7 @@ from shared.maths.angles import wrap_rad
 from shared.messages import (
     Contact,
     DapInstallation,
+    HeightFix,
     LocalPosition,
     OdometryIncrement,
     PositionFix,
@@ -40,17 +43,6 @@ from shared.units import NS_PER_S
 
 COMMITS_KEPT = 720
 MOVED_DAP_M = 0.25
-
-
-class SmoothedTrack(NamedTuple):
-    """A responder's way as it is held to have been, all evidence used: at times (n,) in seconds.
-
-    ``position_m`` (n, 3) north, east, down; ``covariance_m2`` (n, 3) nn, ne, ee.
-    """
-
-    time_s: Floats
-    position_m: Floats
-    covariance_m2: Floats
 
 
 class _Pose(NamedTuple):
@@ -97,15 +89,16 @@ class TeamTracker:
         """The newest estimate of every responder, by id."""
         return MappingProxyType(self._estimates)
 
-    def start(self, responder_id: str, start: TrackStart) -> Estimate | None:
+    def start(self, responder_id: str, start: TrackStart) -> None:
         """Begin a track, or go on with it from a new unit."""
-        time_ns = start.event_time_ns
-        return self._take(time_ns, lambda: self._log.add_start(responder_id, start), responder_id)
+        if self._take(start.event_time_ns, lambda: self._log.add_start(responder_id, start)):
+            self._tell(responder_id)
 
-    def move(self, responder_id: str, increment: OdometryIncrement) -> Estimate | None:
+    def move(self, responder_id: str, increment: OdometryIncrement) -> None:
         """Move a responder; one who never started begins where nobody knows."""
         time_ns = increment.event_time_ns
-        return self._take(time_ns, lambda: self._log.add_move(responder_id, increment), responder_id)
+        if self._take(time_ns, lambda: self._log.add_move(responder_id, increment)):
+            self._tell(responder_id)
 
     def near(self, dap_id: str, event: ProximityEvent) -> None:
         """Note that a DAP holds somebody to be near: used where it tells no peaks."""
@@ -131,23 +124,33 @@ class TeamTracker:
         if said.position is None and said.installer_id is None:
             self.counts["unplaced"] += 1
             return
-        self._take(said.event_time_ns, lambda: self._log.add_dap(dap_id, said))
+        new = self._take(said.event_time_ns, lambda: self._log.add_dap(dap_id, said))
+        standing = self._daps.get(dap_id)
+        if not new and said.position is None and standing is not None:
+            # It asks again: the answer may have been lost.
+            self._changed_daps[dap_id] = standing
 
-    def take_changes(self) -> tuple[list[tuple[str, Estimate]], list[tuple[str, InstalledDap]]]:
-        """Return estimates and DAPs that ticks have changed since this was last asked."""
+    def height_fix(self, event: HeightFix) -> None:
+        """Take in how high somebody says a responder or a DAP is."""
+
+    def take_changes(self) -> Changes:
+        """Return what events and ticks have changed since this was last asked."""
         estimates, self._changed = sorted(self._changed.items()), {}
         daps, self._changed_daps = sorted(self._changed_daps.items()), {}
-        return estimates, daps
+        return Changes(estimates, daps)
 
-    def afterwards(self) -> dict[str, SmoothedTrack]:
+    def afterwards(self) -> Afterwards:
         """Return everybody's way with all that is known by now."""
         latest = self._latest_ns()
         if latest is None:
-            return {}
+            return Afterwards({}, {})
         self._catch_up(latest)
         before = self._commits[-1] if self._commits else NOTHING
         solved = commit(self._log, latest, before, self._settings)
-        return {} if solved is None else _smoothed(solved, self._settings)
+        if solved is None:
+            return Afterwards({}, {})
+        self._keep_daps(solved)
+        return Afterwards(_smoothed(solved, self._settings), dict(self._daps))
 
     def _latest_ns(self) -> int | None:
         times = [
@@ -161,23 +164,22 @@ class TeamTracker:
         last = self._last_proximity_ns.get(responder_id, 0)
         self._last_proximity_ns[responder_id] = max(last, time_ns)
 
-    def _take(
-        self, time_ns: int, add: Callable[[], bool], responder_id: str | None = None
-    ) -> Estimate | None:
-        """Log an event, solving first what ended before it; return the responder's estimate."""
+    def _take(self, time_ns: int, add: Callable[[], bool]) -> bool:
+        """Log an event, having solved what ended before it; ``False`` if it was here before."""
         self._tick(time_ns)
         if not add():
             self.counts["repeated_event"] += 1
-            return None
+            return False
         if time_ns <= self._solved_ns:
             self.counts["late_fused"] += 1
             while self._commits and self._commits[-1].time_ns >= time_ns:
                 self._commits.pop()
-        if responder_id is None:
-            return None
+        return True
+
+    def _tell(self, responder_id: str) -> None:
         estimate = self._estimate(responder_id)
         self._estimates[responder_id] = estimate
-        return estimate
+        self._changed[responder_id] = estimate
 
     def _tick(self, time_ns: int) -> None:
         """Solve the team at the last tick before ``time_ns``, unless that is done."""
@@ -189,9 +191,7 @@ class TeamTracker:
         self._catch_up(due_ns)
         before = self._commits[-1] if self._commits else NOTHING
         settings = self._settings
-        solved = solve(
-            self._log, due_ns, before, before.belief, settings, settings.tick_iterations
-        )
+        solved = solve(self._log, due_ns, before, before.belief, settings, settings.tick_iterations)
         self._solved_ns = due_ns
         if solved is not None:
             self._keep(due_ns, solved)
@@ -225,7 +225,8 @@ class TeamTracker:
             )  # fmt: skip
             estimate = self._estimate(chain.responder_id, at_least_ns=time_ns)
             self._estimates[chain.responder_id] = estimate
-            self._changed[chain.responder_id] = estimate
+            if time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
+                self._changed[chain.responder_id] = estimate
         self._keep_daps(solved)
 
     def _keep_daps(self, solved: Solved) -> None:
@@ -248,8 +249,10 @@ class TeamTracker:
             )
             dap = InstalledDap(position, installed_ns, installed.installer_id)
             before = self._daps.get(dap_id)
-            if before is None or _apart_m(before.position, position) > MOVED_DAP_M or (
-                before.installed_ns != installed_ns
+            if (
+                before is None
+                or _apart_m(before.position, position) > MOVED_DAP_M
+                or (before.installed_ns != installed_ns)
             ):
                 self._daps[dap_id] = dap
                 self._changed_daps[dap_id] = dap
@@ -284,9 +287,9 @@ class TeamTracker:
         nn, ne, ee, tt, nt, et = pose.covariance
         count = since.end_ns.size
         stride_m = float(np.abs(since.values[:, [NORTH, EAST]]).sum())
-        own_m2 = count * self._settings.stride_sd_m**2 + (
-            self._settings.stride_sd_share * stride_m
-        ) ** 2
+        own_m2 = (
+            count * self._settings.stride_sd_m**2 + (self._settings.stride_sd_share * stride_m) ** 2
+        )
         factor = self._settings.covariance_factor
         every = log.moves.until(2**62)
         tt = min(tt, math.pi**2 / 3.0)

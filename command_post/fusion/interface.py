@@ -1,0 +1,94 @@
+"""What every way of fusing does: events in, in about the order of their time; estimates out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from command_post.fusion.dap_map import InstalledDap
+from command_post.fusion.track import Estimate
+from shared.messages import (
+    Contact,
+    DapInstallation,
+    HeightFix,
+    OdometryIncrement,
+    PositionFix,
+    ProximityEvent,
+    RssiPeak,
+    TrackStart,
+)
+
+Floats: TypeAlias = NDArray[np.float64]
+
+
+class SmoothedTrack(NamedTuple):
+    """A responder's way as it is held to have been, all evidence used: at times (n,) in seconds.
+
+    ``position_m`` (n, 3) is north, east, down; ``covariance_m2`` (n, 3) nn, ne, ee.
+    """
+
+    time_s: Floats
+    position_m: Floats
+    covariance_m2: Floats
+
+
+class Afterwards(NamedTuple):
+    """All ways, and where the DAPs are held to stand, once everything is known."""
+
+    tracks: Mapping[str, SmoothedTrack]
+    daps: Mapping[str, InstalledDap]
+
+
+class Changes(NamedTuple):
+    """Estimates and DAPs that an event has changed, by id."""
+
+    estimates: list[tuple[str, Estimate]]
+    daps: list[tuple[str, InstalledDap]]
+
+
+class Fusion(Protocol):
+    """Tracks of all responders on one map. What an event changes, ``take_changes`` tells."""
+
+    counts: Counter[str]
+
+    @property
+    def estimates(self) -> Mapping[str, Estimate]:
+        """The newest estimate of every responder, by id."""
+
+    @property
+    def daps(self) -> Mapping[str, InstalledDap]:
+        """The DAPs that stand, by id."""
+
+    def start(self, responder_id: str, start: TrackStart) -> None:
+        """A responder's unit begins."""
+
+    def move(self, responder_id: str, increment: OdometryIncrement) -> None:
+        """A responder moved."""
+
+    def near(self, dap_id: str, event: ProximityEvent) -> None:
+        """A DAP holds a responder to be near."""
+
+    def peak(self, dap_id: str, event: RssiPeak) -> None:
+        """A responder passed a DAP."""
+
+    def contact(self, responder_id: str, event: Contact) -> None:
+        """Two responders met."""
+
+    def fix(self, event: PositionFix) -> None:
+        """Somebody says where a responder is."""
+
+    def height_fix(self, event: HeightFix) -> None:
+        """Somebody says how high a responder or a DAP is."""
+
+    def install(self, dap_id: str, said: DapInstallation) -> None:
+        """A DAP was set down."""
+
+    def take_changes(self) -> Changes:
+        """Return what has changed since this was last asked, in the order of the ids."""
+
+    def afterwards(self) -> Afterwards | None:
+        """Return everybody's way with all that is known; ``None`` if the method has no such."""
