@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from command_post import incident as incident_module
+from command_post.fusion.settings import FusionSettings
 from command_post.incident import Incident, IncidentSettings, Notice, Outgoing
 from shared.codec import decode, encode, parse_key
 from shared.messages import DapEstimate, Message, RssiReport, TrackEstimate
@@ -34,7 +35,7 @@ def decoded(outgoing: Outgoing) -> Message:
 
 
 def test_what_comes_of_it_goes_out_under_the_posts_keys() -> None:
-    incident = Incident(IncidentSettings())
+    incident = Incident(IncidentSettings(fusion=FusionSettings(method="published")))
     made = [
         *hear(incident, "responder", "r1", track_start(0.0)),
         *hear(incident, "responder", "r1", stride(1.0, 1.2, 0.0)),

@@ -3,21 +3,67 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import pytest
 
+from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.settings import FusionSettings
+from command_post.fusion.track import Estimate
 from command_post.fusion.tracker import Tracker
-from shared.messages import OdometryIncrement
+from shared.messages import DapInstallation, OdometryIncrement, ProximityEvent, TrackStart
 from tests.stride_world import at_ns, installation, proximity, stride, track_start
 
 
-def tracker(particles: int = 500) -> Tracker:
-    return Tracker(FusionSettings(particles=particles))
+class Answering:
+    """A tracker whose every event is answered with what it changed of its node."""
+
+    def __init__(self, tracks: Tracker) -> None:
+        self._tracks = tracks
+        self.counts = tracks.counts
+
+    @property
+    def estimates(self) -> Mapping[str, Estimate]:
+        """The newest estimates."""
+        return self._tracks.estimates
+
+    @property
+    def daps(self) -> Mapping[str, InstalledDap]:
+        """The DAPs that stand."""
+        return self._tracks.daps
+
+    def start(self, name: str, start: TrackStart) -> Estimate | None:
+        """Begin a track."""
+        self._tracks.start(name, start)
+        return self._changed(name)
+
+    def move(self, name: str, increment: OdometryIncrement) -> Estimate:
+        """Move somebody."""
+        self._tracks.move(name, increment)
+        estimate = self._changed(name)
+        assert estimate is not None
+        return estimate
+
+    def near(self, dap_id: str, event: ProximityEvent) -> Estimate | None:
+        """Tie somebody to a DAP."""
+        self._tracks.near(dap_id, event)
+        return self._changed(event.responder_id)
+
+    def install(self, dap_id: str, said: DapInstallation) -> InstalledDap | None:
+        """Set down a DAP."""
+        self._tracks.install(dap_id, said)
+        return dict(self._tracks.take_changes().daps).get(dap_id)
+
+    def _changed(self, name: str) -> Estimate | None:
+        return dict(self._tracks.take_changes().estimates).get(name)
+
+
+def tracker(particles: int = 500) -> Answering:
+    return Answering(Tracker(FusionSettings(particles=particles)))
 
 
 def walk_north(
-    tracks: Tracker, name: str, count: int, first_s: float = 1.0, first: int = 0
+    tracks: Answering, name: str, count: int, first_s: float = 1.0, first: int = 0
 ) -> None:
     for k in range(count):
         tracks.move(name, stride(first_s + 1.1 * k, 1.2, 0.0, sequence=first + k))

@@ -24,6 +24,7 @@ UNKNOWN_SD_M = 1000.0
 UNKNOWN_TURN_SD_RAD = 50.0
 ANY_AXIS_SD_RAD = 10.0
 SAME_PASS_S = 5.0
+LEAST_SD_M = 0.1
 
 
 class AxisBelief(NamedTuple):
@@ -130,8 +131,13 @@ def _ties(
 
 
 def _known(position: LocalPosition) -> _Known:
+    return _Known(position.north_m, position.east_m, _sd_m(position))
+
+
+def _sd_m(position: LocalPosition) -> float:
+    """Return how well a place is known, each way alike; what no covariance can be counts as 0."""
     nn, _, ee = position.covariance_m2
-    return _Known(position.north_m, position.east_m, math.sqrt(max(0.5 * (nn + ee), 0.01)))
+    return math.sqrt(max(0.5 * (nn + ee), LEAST_SD_M**2))
 
 
 def _pass_ties(
@@ -235,8 +241,7 @@ def _fixes(
         for unit, start in enumerate(chain.starts):
             stance = 0 if unit == 0 else int(chain.links[unit - 1])
             if start.position is not None:
-                nn, _, ee = start.position.covariance_m2
-                sd_m = math.sqrt(0.5 * (nn + ee) + settings.start_sd_m**2)
+                sd_m = math.hypot(_sd_m(start.position), settings.start_sd_m)
                 at = (start.position.north_m, start.position.east_m)
             elif unit == 0:
                 unknown = start.heading_sd_rad >= UNKNOWN_TURN_SD_RAD
@@ -248,8 +253,7 @@ def _fixes(
         for fix in log.responders[chain.responder_id].fixes:
             if fix.time_ns <= until_ns:
                 stance, north_m, east_m = chain.nearest(fix.time_ns)
-                nn, _, ee = fix.position.covariance_m2
-                sd_m = math.sqrt(max(0.5 * (nn + ee), 0.01))
+                sd_m = _sd_m(fix.position)
                 at = (fix.position.north_m, fix.position.east_m)
                 row = (north_m, east_m, *at, sd_m, settings.sharpness.dof)
                 rows.append(_FixRow(index, stance, row))

@@ -44,6 +44,11 @@ class Solved(NamedTuple):
     shared: Floats
     belief: AxisBelief
 
+    @property
+    def is_sound(self) -> bool:
+        """Whether there is a solution at all."""
+        return math.isfinite(self.cost) and bool(np.isfinite(self.pose).all())
+
     def solution(self, time_ns: int) -> Solution:
         """Return it by time and name."""
         return solution_of(time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost)

@@ -9,6 +9,7 @@ it, which are then made again. So the order of arrival leaves no trace, to the b
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -43,6 +44,7 @@ from shared.units import NS_PER_S
 
 COMMITS_KEPT = 720
 MOVED_DAP_M = 0.25
+END_OF_TIME_NS = 2**63 - 1
 
 
 class _Pose(NamedTuple):
@@ -60,7 +62,8 @@ class TeamTracker:
     """Tracks all responders and the DAPs with the team's smoother.
 
     ``counts`` says what had no effect, or came late: ``late_fused`` (events put where they belong
-    in time), ``repeated_event``, ``unplaced`` (installations nobody can place).
+    in time), ``repeated_event``, ``unplaced`` (installations nobody can place), ``unsolved`` (ticks
+    whose equations had no solution).
     """
 
     def __init__(self, settings: TeamSettings) -> None:
@@ -68,6 +71,7 @@ class TeamTracker:
         self._tick_ns = round(settings.tick_s * NS_PER_S)
         self._commit_ns = round(settings.commit_s * NS_PER_S)
         self._log = TeamLog()
+        self._slots: list[int] = []
         self._commits: list[Solution] = []
         self._solved_ns = -1
         self._solved: Solved | None = None
@@ -147,7 +151,7 @@ class TeamTracker:
         self._catch_up(latest)
         before = self._commits[-1] if self._commits else NOTHING
         solved = commit(self._log, latest, before, self._settings)
-        if solved is None:
+        if solved is None or not solved.is_sound:
             return Afterwards({}, {})
         self._keep_daps(solved)
         return Afterwards(_smoothed(solved, self._settings), dict(self._daps))
@@ -156,7 +160,7 @@ class TeamTracker:
         times = [
             int(moves.end_ns[-1])
             for log in self._log.responders.values()
-            if (moves := log.moves.until(2**62)).end_ns.size
+            if (moves := log.moves.until(END_OF_TIME_NS)).end_ns.size
         ] + [log.starts[-1].time_ns for log in self._log.responders.values() if log.starts]
         return max(times, default=None)
 
@@ -170,6 +174,10 @@ class TeamTracker:
         if not add():
             self.counts["repeated_event"] += 1
             return False
+        slot = time_ns // self._commit_ns
+        at = bisect_left(self._slots, slot)
+        if self._slots[at : at + 1] != [slot]:
+            self._slots.insert(at, slot)
         if time_ns <= self._solved_ns:
             self.counts["late_fused"] += 1
             while self._commits and self._commits[-1].time_ns >= time_ns:
@@ -194,22 +202,22 @@ class TeamTracker:
         solved = solve(self._log, due_ns, before, before.belief, settings, settings.tick_iterations)
         self._solved_ns = due_ns
         if solved is not None:
-            self._keep(due_ns, solved)
+            self.counts["unsolved"] += not solved.is_sound
+            if solved.is_sound:
+                self._keep(due_ns, solved)
 
     def _catch_up(self, until_ns: int) -> None:
-        """Make the commits that are missing before ``until_ns``."""
-        if self._commits:
-            next_ns = self._commits[-1].time_ns + self._commit_ns
-        else:
-            begun = [log.starts_until(until_ns) for log in self._log.responders.values()]
-            first_ns = min((starts[0].time_ns for starts in begun if starts), default=until_ns + 1)
-            next_ns = (first_ns // self._commit_ns + 1) * self._commit_ns
-        while next_ns <= until_ns:
-            before = self._commits[-1] if self._commits else NOTHING
-            solved = commit(self._log, next_ns, before, self._settings)
-            if solved is not None:
-                self._commits.append(solved.solution(next_ns))
-            next_ns += self._commit_ns
+        """Make the commits that are missing before ``until_ns``, one for each time of events."""
+        done_ns = self._commits[-1].time_ns if self._commits else -1
+        for slot in self._slots[bisect_left(self._slots, done_ns // self._commit_ns) :]:
+            time_ns = (slot + 1) * self._commit_ns
+            if time_ns > until_ns:
+                break
+            if time_ns > done_ns:
+                before = self._commits[-1] if self._commits else NOTHING
+                solved = commit(self._log, time_ns, before, self._settings)
+                if solved is not None and solved.is_sound:
+                    self._commits.append(solved.solution(time_ns))
         del self._commits[:-COMMITS_KEPT]
 
     def _keep(self, time_ns: int, solved: Solved) -> None:
@@ -291,7 +299,7 @@ class TeamTracker:
             count * self._settings.stride_sd_m**2 + (self._settings.stride_sd_share * stride_m) ** 2
         )
         factor = self._settings.covariance_factor
-        every = log.moves.until(2**62)
+        every = log.moves.until(END_OF_TIME_NS)
         tt = min(tt, math.pi**2 / 3.0)
         down_m = self._start_down(responder_id) + float(every.values[:, DOWN].sum())
         heading = float(every.values[-1, HEADING]) if every.end_ns.size else 0.0
@@ -314,7 +322,7 @@ class TeamTracker:
 
     def _first_pose(self, responder_id: str) -> _Pose:
         """Return where one is put of whom there is no solution yet."""
-        starts = self._log.responders[responder_id].starts_until(2**62)
+        starts = self._log.responders[responder_id].starts_until(END_OF_TIME_NS)
         start = starts[-1]
         place = next((each.position for each in reversed(starts) if each.position), None)
         north_m, east_m = (place.north_m, place.east_m) if place else (0.0, 0.0)
