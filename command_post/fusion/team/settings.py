@@ -87,6 +87,6 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     straight_sd_rad: Radians = math.radians(6.0)
     straight_least_m: Metres = 1.8
     straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985
-    axis_from_turn_sd_rad: Radians = math.radians(12.0)
+    axis_from_turn_sd_rad: Radians = math.radians(40.0)
 
     covariance_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0

@@ -300,7 +300,7 @@ class TeamTracker:
         )
         factor = self._settings.covariance_factor
         every = log.moves.until(END_OF_TIME_NS)
-        tt = min(tt, math.pi**2 / 3.0)
+        tt = min(max(tt, 0.0), math.pi**2 / 3.0)
         down_m = self._start_down(responder_id) + float(every.values[:, DOWN].sum())
         heading = float(every.values[-1, HEADING]) if every.end_ns.size else 0.0
         time_ns = int(since.end_ns[-1]) if count else max(pose.time_ns, at_least_ns)
