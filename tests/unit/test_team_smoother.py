@@ -1,0 +1,100 @@
+"""The arrow-shaped solver against the same said with dense matrices."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from command_post.fusion.team.elimination import ENDS_ONLY, EVERY_NODE, NO_COVARIANCE
+from command_post.fusion.team.graph import Graph, with_columns
+from command_post.fusion.team.smoother import smooth
+from command_post.fusion.team.smoother_plain import smooth_plainly
+
+Floats = NDArray[np.float64]
+LENGTHS = (9, 1, 14)
+PLACES = 4
+UNITS = 4
+
+
+def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
+    """Return a graph of three chains, the first with two units, and states to start from."""
+    chance = np.random.default_rng(seed)
+    first = np.concatenate([[0], np.cumsum(LENGTHS)])
+    from_node = [n for n in range(first[-1]) if n + 1 not in first]
+    unit = [0 if n < 5 else 1 + int(np.searchsorted(first, n, side="right") - 1) for n in from_node]
+    move_at = np.array([(n, 1 + 2 * u, 0) for n, u in zip(from_node, unit, strict=True)])
+    count = len(from_node)
+    move = np.column_stack([
+        chance.normal(0.0, 5.0, (count, 2)), chance.uniform(3.0, 10.0, count),
+        chance.uniform(0.1, 0.5, count), chance.uniform(0.01, 0.05, count),
+    ])  # fmt: skip
+    tied = np.sort(chance.integers(0, first[-1], 15))
+    place = 1 + 2 * UNITS + 2 * chance.integers(0, PLACES, 15)
+    tie_at = np.column_stack([tied, place, np.zeros(15, np.int64)])
+    tie = np.column_stack([
+        chance.normal(size=(15, 2)), chance.uniform(0.3, 2.0, 15), chance.choice([0.0, 4.0], 15),
+    ])  # fmt: skip
+    size = 1 + 2 * UNITS + 2 * PLACES
+    columns, columns_first, width = with_columns(first, move_at, tie_at, size)
+    graph = Graph(
+        first, columns, columns_first, width, move, move_at, tie, tie_at,
+        fix=np.array([(0.0, 0.0, 0.0, 0.0, 0.5, 0.0), (0.1, 0.2, 3.0, 4.0, 2.0, 4.0)]),
+        fix_at=np.array([0, 9]),
+        turn=np.array([(0.0, 0.05), (6.2, 0.5), (0.0, 0.5)]),
+        turn_at=first[:-1].copy(),
+        straight=np.array([(0.3, 0.1), (1.0, 0.1), (-2.0, 0.1)]),
+        straight_at=np.array([1, 4, 11]),
+        place=np.column_stack([chance.normal(0.0, 10.0, (PLACES, 2)), np.full(PLACES, 100.0)]),
+        unit_sd=np.array([0.02, 0.001]),
+        axis=np.array([0.0, 0.02]),
+    )  # fmt: skip
+    pose = chance.normal(0.0, 5.0, (int(first[-1]), 3)) * [1.0, 1.0, 0.1]
+    arrow = np.concatenate([
+        [0.05], np.tile([0.01, 0.001], UNITS), chance.normal(0.0, 5.0, 2 * PLACES)
+    ])  # fmt: skip
+    return graph, pose, arrow
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("iterations", [1, 2, 6])
+def test_it_does_what_it_means(seed: int, iterations: int) -> None:
+    graph, pose, arrow = random_graph(seed)
+    plain = smooth_plainly(graph, pose, arrow, iterations)
+    cost, made, nodes, shared = smooth(graph, pose, arrow, iterations, 0.0, EVERY_NODE)
+    assert made == iterations
+    assert cost == pytest.approx(plain.cost, rel=1e-9)
+    assert pose == pytest.approx(plain.pose, abs=1e-7)
+    assert arrow == pytest.approx(plain.arrow, abs=1e-7)
+    of_arrow = plain.covariance[pose.size :, pose.size :]
+    assert shared == pytest.approx(of_arrow, rel=1e-6, abs=1e-9)
+    for node, (nn, ne, ee, tt, nt, et) in enumerate(nodes):
+        block = plain.covariance[3 * node : 3 * node + 3, 3 * node : 3 * node + 3]
+        said = np.array([[nn, ne, nt], [ne, ee, et], [nt, et, tt]])
+        assert said == pytest.approx(block, rel=1e-6, abs=1e-9)
+
+
+def test_the_ends_alone_are_the_ends_of_all() -> None:
+    graph, pose, arrow = random_graph(3)
+    *_, ends, _ = smooth(graph, pose.copy(), arrow.copy(), 3, 0.0, ENDS_ONLY)
+    *_, nodes, _ = smooth(graph, pose.copy(), arrow.copy(), 3, 0.0, EVERY_NODE)
+    assert (ends == nodes[graph.first[1:] - 1]).all()
+
+
+def test_the_cost_falls_to_a_place_of_rest() -> None:
+    graph, pose, arrow = random_graph(5)
+    costs = [smooth(graph, pose, arrow, 1, 0.0, NO_COVARIANCE)[0] for _ in range(60)]
+    assert costs[-1] < costs[0]
+    before = pose.copy()
+    _, made, _, _ = smooth(graph, pose, arrow, 50, 1e-6, NO_COVARIANCE)
+    assert made == 1
+    assert pose == pytest.approx(before, abs=1e-5)
+
+
+def test_equations_without_a_solution_cost_infinitely_much() -> None:
+    graph, pose, arrow = random_graph(1)
+    broken = graph._replace(place=graph.place * np.nan)
+    cost, _, _, _ = smooth(broken, pose, arrow, 3, 0.0, ENDS_ONLY)
+    assert cost == math.inf
