@@ -12,7 +12,10 @@ from shared.command_line import run_command_line
 
 app = App(
     name="command-post",
-    help="Know where everybody is: hear them, fuse what they say, record it, replay it.",
+    help="""Know where everybody is: hear them, fuse what they say, record it, replay it.
+
+    Example: command-post demo --speed 10
+    """,
     version_flags=["--version"],
 )
 app.command(run)

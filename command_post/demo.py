@@ -13,13 +13,15 @@ from threading import Event
 from typing import NamedTuple
 
 from command_post.children import Children
-from shared.bus.interface import Bus
+from shared.bus.interface import Bus, Received
 from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import SystemClock
+from shared.clock import ScaledClock, SystemClock
+from shared.codec import Refusal, decode, parse_key
 from shared.messages import ExerciseStart
 from shared.sender import Sender
 from shared.simulation.scenario import Scenario
-from shared.topics import alive_key, all_alive_of, finished_key
+from shared.topics import Key, alive_key, all_alive_of, finished_key
+from shared.units import NS_PER_S
 
 INCIDENT = "demo"
 POST_ID = "post"
@@ -31,8 +33,12 @@ PREPARED_SOON_S = 3.0
 READY_TIMEOUT_S = 90.0
 POLL_S = 0.1
 SHORTEST_HOLD_S = 1.5
+LONGEST_HOLD_S = 60.0
 LATEST_S = 0.3
 """How late, in real time, a busy machine may make a message."""
+
+STRIDE_TOLD_S = 5.0
+"""A stride is told this long after it at the latest, by a unit that keeps up."""
 
 LAST_WORDS_S = 0.2
 
@@ -55,7 +61,7 @@ class DemoSettings(NamedTuple):
     @property
     def hold_s(self) -> float:
         """Seconds of the exercise that events wait: processes are late by real time."""
-        return max(SHORTEST_HOLD_S, self.speed * LATEST_S)
+        return min(max(SHORTEST_HOLD_S, self.speed * LATEST_S), LONGEST_HOLD_S)
 
     @property
     def recording(self) -> Path:
@@ -72,9 +78,13 @@ class DemoSettings(NamedTuple):
         """Where the score is written."""
         return self.recording.with_suffix(".score.json")
 
+    @property
+    def logs(self) -> Path:
+        """Where each process writes its log."""
+        return self.directory / "logs"
+
     def clear(self) -> None:
-        """Make the folder, and remove what an earlier run of the scenario left in it."""
-        self.directory.mkdir(parents=True, exist_ok=True)
+        """Remove what an earlier run of the scenario left in the folder."""
         unfinished = self.recording.with_name(f"{self.recording.name}.part")
         for path in (self.recording, unfinished, self.picture, self.score):
             path.unlink(missing_ok=True)
@@ -86,7 +96,7 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
     Raises ``DemoError`` when a node fails. However it ends, no process is left and the recording
     is finished.
     """
-    with Children(settings.directory / "logs") as children:
+    with Children(settings.logs) as children:
         if not _prepare(settings, children, stop, say):
             return False
         locators = _start_nodes(settings, children)
@@ -96,6 +106,7 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
                 return False
             start = _give_the_start(settings, bus)
             say(f"exercise started: {start.scenario}, seed {start.seed}, {start.speed:g}x")
+            watch_the_pace(settings, bus, start, say)
             if not _wait_until_finished(settings, bus, children, stop, say):
                 say("stopping " + ", ".join(children.running()))
                 return False
@@ -227,6 +238,30 @@ def _give_the_start(settings: DemoSettings, bus: Bus) -> ExerciseStart:
     payload = sender.send(start)
     bus.answer(sender.key(ExerciseStart), lambda: payload)
     return start
+
+
+def watch_the_pace(
+    settings: DemoSettings, bus: Bus, start: ExerciseStart, say: Callable[[str], None]
+) -> None:
+    """Say it once if nodes do not keep up with the exercise's clock."""
+    clock = ScaledClock(start.event_time_ns, start.speed)
+    late_ns = round((STRIDE_TOLD_S + 2.0 * settings.hold_s) * NS_PER_S)
+    told = Event()
+
+    def watch(received: Received) -> None:
+        key = parse_key(received.key)
+        message = key if isinstance(key, Refusal) else decode(key, received.payload)
+        if isinstance(message, Refusal) or isinstance(key, Refusal) or told.is_set():
+            return
+        behind_ns = clock.now_ns() - message.event_time_ns
+        if behind_ns > late_ns:
+            told.set()
+            say(
+                f"this machine falls behind at {start.speed:g}x: {key.node_id} is "
+                f"{behind_ns / NS_PER_S:.0f} s late; give a lower --speed"
+            )
+
+    bus.subscribe(str(Key(INCIDENT, "responder", "*", "increment")), watch)
 
 
 def _check(children: Children, needed: Collection[str]) -> None:

@@ -77,9 +77,9 @@ class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         try:
             return msgspec.json.decode(metadata["incident_settings"], type=cls)
         except KeyError:
-            raise ValueError("the recording does not say its settings; give them") from None
+            raise ValueError("does not say its settings; give one that a post made") from None
         except msgspec.MsgspecError as error:
-            raise ValueError(f"the recording's settings cannot be used: {error}") from error
+            raise ValueError(f"its settings cannot be used: {error}") from error
 
 
 class Outgoing(NamedTuple):

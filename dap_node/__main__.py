@@ -10,7 +10,10 @@ from shared.command_line import run_command_line
 
 app = App(
     name="dap-node",
-    help="Tell who is near, from where it was set down, and relay for those who go further in.",
+    help="""Tell who is near, from where it was set down, and relay for those who go further in.
+
+    Example: dap-node evaluate four_daps --seeds 0-4
+    """,
     version_flags=["--version"],
 )
 app.command(run)

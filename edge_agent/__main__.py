@@ -21,7 +21,10 @@ COMMANDS = {
 
 app = App(
     name="edge-agent",
-    help="Follow a responder by the sensor on their boot.",
+    help="""Follow a responder by the sensor on their boot.
+
+    Example: edge-agent evaluate simulated:course
+    """,
     version_flags=["--version"],
 )
 for name, where in COMMANDS.items():

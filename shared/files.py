@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import os
 import secrets
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
+
+if sys.platform != "win32":
+    import fcntl
+
+
+class FolderHeldError(RuntimeError):
+    """A folder is in use. The text names it."""
 
 
 @contextmanager
@@ -29,6 +37,24 @@ def replace_atomically(path: Path) -> Iterator[BinaryIO]:
         part.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+@contextmanager
+def held_alone(folder: Path) -> Iterator[None]:
+    """Hold ``folder`` for this process; it must exist. Raises ``FolderHeldError`` if one does.
+
+    However the process ends, it holds the folder no longer: the hidden ``.held`` that stays in it
+    means nothing. Where files cannot be locked (Windows), nobody is kept out.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    with (folder / ".held").open("wb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise FolderHeldError(f"{folder}: another process is at work there") from None
+        yield
 
 
 def sync_folder(folder: Path) -> None:

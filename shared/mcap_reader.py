@@ -98,7 +98,7 @@ class Excerpt(msgspec.Struct, frozen=True):
 
 
 class Damage(NamedTuple):
-    """A stretch of the file that could not be read, and why."""
+    """A stretch of the file that could not be read, and why; of no length if nothing is lost."""
 
     offset_bytes: int
     length_bytes: int
@@ -140,7 +140,8 @@ class ReadReport:
         ):
             lines.extend([f"{count} {what}"] if count else [])
         lines.extend(
-            f"{length} bytes lost at {offset}: {reason}" for offset, length, reason in self.damages
+            f"{length} bytes lost at {offset}: {reason}" if length else reason
+            for offset, length, reason in self.damages
         )
         return "\n".join(lines)
 
@@ -297,7 +298,8 @@ class _Scan:
         for start in range(0, position, _CRC_BLOCK_BYTES):
             crc = zlib.crc32(self._data[start : min(start + _CRC_BLOCK_BYTES, position)], crc)
         if crc != data_end.data_section_crc:
-            self.report.damages.append(Damage(0, position, "altered: its checksum differs"))
+            reason = f"altered outside its messages, of which none is lost (of {position} bytes the"
+            self.report.damages.append(Damage(0, 0, f"{reason} checksum differs)"))
 
     def _note(self, metadata: Metadata) -> None:
         values = metadata.metadata

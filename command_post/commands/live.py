@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from threading import Event
 from typing import Annotated
 
 import msgspec
@@ -29,7 +30,7 @@ from command_post.table import roster_table
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import SystemClock
 from shared.config import ConfigError, checked
-from shared.files import replace_atomically
+from shared.files import FolderHeldError, held_alone, replace_atomically
 from shared.mcap_reader import RecordingError
 from shared.process import ExitCode, configure_logging, stop_on_signals, stop_with_parent
 from shared.simulation.scenario import load_scenario
@@ -98,15 +99,20 @@ def run(
                     bus, Incident(settings), recorder, SystemClock(),
                     follows_exercise=await_start, show=show,
                 )  # fmt: skip
-                post.serve(stop)
-                status = recorder.close()
+                return _serve(post, recorder, stop)
     except (ValueError, RecorderError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
-    if status.fault is not None or status.dropped:
-        _log.error("the recording is not whole", fault=status.fault, dropped=status.dropped)
-        return ExitCode.FAILURE
-    return ExitCode.OK
+
+
+def _serve(post: Post, recorder: Recorder, stop: Event) -> ExitCode:
+    """Serve until ``stop``; say what the recording lacks, and return what the exit says of it."""
+    post.serve(stop)
+    status = recorder.close()
+    if status.fault is None and not status.dropped:
+        return ExitCode.OK
+    _log.error("the recording is not whole", fault=status.fault, dropped=status.dropped)
+    return ExitCode.FAILURE
 
 
 @contextmanager
@@ -149,13 +155,26 @@ def demo(
         Print the score as one JSON object, and no table.
 
     """
-    try:
-        loaded = load_scenario(scenario)
-        settings = DemoSettings(scenario, loaded, seed, speed, method, output, shows_table=not json)
-        settings.clear()
-    except (ConfigError, OSError, ValueError) as error:
-        _log.error(str(error))
-        return ExitCode.USAGE
+    with ExitStack() as held:
+        try:
+            loaded = load_scenario(scenario)
+            settings = DemoSettings(
+                scenario, loaded, seed, speed, method, output, shows_table=not json
+            )
+            settings.logs.mkdir(parents=True, exist_ok=True)
+            held.enter_context(held_alone(output))
+            settings.clear()
+        except (ConfigError, FolderHeldError, ValueError) as error:
+            _log.error(str(error))
+            return ExitCode.USAGE
+        except OSError as error:
+            _log.error(f"{error.filename}: {error.strerror}; give another --output")
+            return ExitCode.USAGE
+        return _run(settings, json=json)
+
+
+def _run(settings: DemoSettings, *, json: bool) -> int:
+    """Run a demo to its score, or as far as it gets."""
     configure_logging("warning")
     console = Console(stderr=True)
     try:

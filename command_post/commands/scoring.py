@@ -43,9 +43,9 @@ def replay(
 
     """
     try:
-        settings = IncidentSettings.from_metadata(read_recording(file).metadata)
+        settings = _settings_of(file)
         report = replay_recording(file, Incident(settings))
-    except (RecordingError, ValueError) as error:
+    except RecordingError as error:
         _log.error(str(error))
         return ExitCode.USAGE
     if json:
@@ -63,6 +63,14 @@ def replay(
     else:
         Console().print(str(report), markup=False, highlight=False)
     return ExitCode.OK if report.identical else ExitCode.FAILURE
+
+
+def _settings_of(file: Path) -> IncidentSettings:
+    metadata = read_recording(file).metadata
+    try:
+        return IncidentSettings.from_metadata(metadata)
+    except ValueError as error:
+        raise RecordingError(f"{file}: {error}") from error
 
 
 def score_file(

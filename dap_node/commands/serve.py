@@ -51,7 +51,7 @@ def run(
     listen: str = DEFAULT_LISTEN,
     config: Path | None = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
-    speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0))] = 1.0,
+    speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -84,33 +84,44 @@ def run(
         Stop when standard input closes.
 
     """
-    with stop_on_signals() as stop:
+    try:
+        check_id(incident, "--incident")
+        check_id(dap_id, "--id")
+        settings = load_toml(config, DapSettings) if config else DapSettings()
+        scanner = open_scanner(scan, dap_id, seed)
+        bus = open_zenoh("router", connect, [listen])
+    except (ValueError, OSError) as error:
+        _log.error(str(error))
+        return ExitCode.FAILURE if isinstance(error, OSError) else ExitCode.USAGE
+    with bus, stop_on_signals() as stop:
         if with_parent:
             stop_with_parent(stop)
-        try:
-            check_id(incident, "--incident")
-            check_id(dap_id, "--id")
-            settings = load_toml(config, DapSettings) if config else DapSettings()
-            scanner = open_scanner(scan, dap_id, seed)
-            bus = open_zenoh("router", connect, [listen])
-        except ValueError as error:
-            _log.error(str(error))
-            return ExitCode.USAGE
-        except OSError as error:
-            _log.error(str(error))
-            return ExitCode.FAILURE
-        with bus:
-            company = Company(bus, incident)
-            node = DapNode(bus, incident, dap_id, settings)
-            start_ns = SystemClock().now_ns()
-            if await_start:
-                exercise = await_exercise(bus, incident, stop)
-                if exercise is None:
-                    return ExitCode.OK
-                start_ns, speed = exercise.event_time_ns, exercise.speed
-            follow(node, scanner.observations(start_ns), ScaledClock(start_ns, speed), stop)
-            company.wait_until_gone(stop)
+        node = DapNode(bus, incident, dap_id, settings)
+        _serve(bus, incident, node, scanner, stop, None if await_start else speed)
     return ExitCode.OK
+
+
+def _serve(
+    bus: Bus,
+    incident: NodeId,
+    node: DapNode,
+    scanner: SimulatedScanner,
+    stop: Event,
+    speed: float | None,
+) -> None:
+    """Follow the scanner from now on at ``speed``; without, from the exercise's start at its own.
+
+    Then stay for those who may need a relay.
+    """
+    company = Company(bus, incident)
+    start_ns = SystemClock().now_ns()
+    if speed is None:
+        exercise = await_exercise(bus, incident, stop)
+        if exercise is None:
+            return
+        start_ns, speed = exercise.event_time_ns, exercise.speed
+    follow(node, scanner.observations(start_ns), ScaledClock(start_ns, speed), stop)
+    company.wait_until_gone(stop)
 
 
 def rehearse(
@@ -150,10 +161,14 @@ def rehearse(
         return ExitCode.USAGE
     configure_logging("warning")
     console = Console(stderr=True)
-    for seed, dap_id in track(
-        jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
-    ):
-        rehearse_dap(loaded, dap_id, seed, output / str(seed), sends_rssi=rssi)
+    try:
+        for seed, dap_id in track(
+            jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
+        ):
+            rehearse_dap(loaded, dap_id, seed, output / str(seed), sends_rssi=rssi)
+    except OSError as error:
+        _log.error(f"{error.filename}: cannot be written ({error.strerror}); give another --output")
+        return ExitCode.USAGE
     return ExitCode.OK
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from shared.files import replace_atomically
+from shared.files import FolderHeldError, held_alone, replace_atomically
 
 
 def test_the_old_file_stands_until_the_block_ends(tmp_path: Path) -> None:
@@ -47,4 +47,12 @@ def test_two_writers_do_not_meet(tmp_path: Path) -> None:
 
 def test_an_absent_folder_is_told(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), replace_atomically(tmp_path / "absent" / "file"):
+        pass
+
+
+def test_a_folder_is_held_by_one_at_a_time(tmp_path: Path) -> None:
+    refused = pytest.raises(FolderHeldError, match="another process is at work there")
+    with held_alone(tmp_path), refused, held_alone(tmp_path):
+        pass
+    with held_alone(tmp_path):
         pass

@@ -1,0 +1,41 @@
+"""A demo too fast for its machine: that is said, once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from msgspec import structs
+
+from command_post.demo import INCIDENT, DemoSettings, watch_the_pace
+from shared.bus.memory import MemoryNetwork
+from shared.clock import SystemClock
+from shared.codec import encode
+from shared.messages import ExerciseStart
+from shared.simulation.scenario import load_scenario
+from shared.topics import Key
+from shared.units import NS_PER_S
+from tests.stride_world import stride
+from tests.waiting import wait_for
+
+
+@pytest.mark.parametrize(("late_s", "told"), [(3.0, 0), (3000.0, 1)])
+def test_falling_behind_is_said_once(late_s: float, told: int) -> None:
+    scenario = load_scenario("corridor")
+    settings = DemoSettings("corridor", scenario, 1, 2.0, None, Path(), shows_table=False)
+    now_ns = SystemClock().now_ns()
+    start = ExerciseStart(event_time_ns=now_ns, sequence=0, scenario="corridor", seed=1, speed=2.0)
+    said: list[str] = []
+    heard: list[object] = []
+    key = str(Key(INCIDENT, "responder", "r1", "increment"))
+    with MemoryNetwork().connect() as bus:
+        watch_the_pace(settings, bus, start, said.append)
+        bus.subscribe(key, heard.append)
+        made_ns = now_ns - round(late_s * NS_PER_S)
+        late = encode(structs.replace(stride(0.0, 1.2, 0.0), event_time_ns=made_ns))
+        bus.publish(key, b"no message")
+        bus.publish(key, late)
+        bus.publish(key, late)
+        wait_for(lambda: len(heard) == 3, "all that was published")
+    assert len(said) == told
+    assert all("this machine falls behind at 2x: r1 is " in each for each in said)
