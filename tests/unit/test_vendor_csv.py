@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from structlog.testing import capture_logs
 
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.vendor_csv import read_vendor_csv
@@ -162,13 +163,11 @@ def test_other_encodings(csv: Path, encoding: str) -> None:
 
 
 @pytest.mark.parametrize("rest", ["0.02,0,0", "0.02,0,0,0,0,0,-", "0"])
-def test_a_last_line_that_is_cut_off_is_left_out_and_told(
-    csv: Path, rest: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_last_line_that_is_cut_off_is_left_out_and_told(csv: Path, rest: str) -> None:
     csv.write_text(f"{X_IO}\n0,0,0,0,0,0,-1\n0.01,0,0,0,0,0,-1\n{rest}")
-    assert read_vendor_csv(csv).time_ns.tolist() == [0, 10_000_000]
-    told = capsys.readouterr()
-    assert f"{csv}: the last line is cut off" in told.out + told.err
+    with capture_logs() as logs:
+        assert read_vendor_csv(csv).time_ns.tolist() == [0, 10_000_000]
+    assert f"{csv}: the last line is cut off" in logs[-1]["event"]
     csv.write_text(f"{X_IO}\n0,0,0,0,0,0,-1\n{rest}\n0.01,0,0,0,0,0,-1")
     with pytest.raises(SourceError, match="line 3"):
         read_vendor_csv(csv)
