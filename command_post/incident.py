@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Fusion
 from command_post.fusion.settings import FusionSettings
@@ -119,7 +120,7 @@ class Incident:
     under this post's keys (``not_the_post``), and nodes beyond the first 1024
     (``too_many_nodes``). A key so malformed that it names no node counts under ``?``.
 
-    What a node with a wrong clock says is put on the post's time line (see ``Senders``).
+    What a node with a wrong clock says is put on the post's time line (see ``Dating``).
     """
 
     def __init__(self, settings: IncidentSettings) -> None:
@@ -132,13 +133,7 @@ class Incident:
         self._health: dict[str, NodeHealth] = {}
         self._movements: dict[str, LastMovement] = {}
         self._senders = Senders(round(settings.time_line.hold_s * NS_PER_S))
-        self._undated: dict[str, Event] = {}
-        """Installations that may be old, of DAPs whose clock is not known yet."""
-
-        self._said_installed: dict[str, tuple[int, int]] = {}
-        """When each DAP was installed, on the post's clock and on its own."""
-
-        self._moved_in_time = 0
+        self._dating = Dating(self._senders)
         self._time_line = TimeLine(settings.time_line)
         self._tracker: Fusion = (
             TeamTracker(settings.fusion.team)
@@ -184,7 +179,7 @@ class Incident:
         ``moved_in_time`` are the events of nodes with wrong clocks, ``begun_anew`` the times that
         the numbers under a key began anew.
         """
-        own = Counter(moved_in_time=self._moved_in_time, begun_anew=self._senders.begun_anew)
+        own = Counter(moved_in_time=self._dating.moved_in_time, begun_anew=self._senders.begun_anew)
         return self._time_line.counts + self._tracker.counts + own
 
     def faults(self, role: Role, node_id: str, now_ns: int) -> list[str]:
@@ -219,8 +214,8 @@ class Incident:
 
     def finish(self, now_ns: int) -> list[Outgoing]:
         """Release everything that is held back; return what is to be published."""
-        for dap_id in tuple(self._undated):
-            self._put(self._undated.pop(dap_id), now_ns)
+        for event in self._dating.rest():
+            self._time_line.put(event, now_ns)
         return self._fuse(self._time_line.release_all())
 
     def _parsed(self, key_text: str) -> Key | Refusal:
@@ -249,36 +244,9 @@ class Incident:
             for found in self._senders.hear(key, message, now_ns):
                 self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
             self._keep(key.node_id, message, now_ns)
-            self._order(key, message, now_ns)
-
-    def _order(self, key: Key, message: Message, now_ns: int) -> None:
-        """Put what is to be fused on the time line, once it is known how to date it."""
-        dated = self._senders.knows_clock(key.role, key.node_id)
-        if dated and key.role == "dap" and key.node_id in self._undated:
-            self._put(self._undated.pop(key.node_id), now_ns)
-        if key.topic not in _FUSED:
-            return
-        event = Event(key, message, message.event_time_ns)
-        asks_where = isinstance(message, DapInstallation) and message.position is None
-        if asks_where and not dated and self._senders.seems_old(message, now_ns):
-            self._undated[key.node_id] = event
-        else:
-            self._put(event, now_ns)
-
-    def _put(self, event: Event, now_ns: int) -> None:
-        key, message, said_ns = event
-        time_ns = self._senders.time_ns(key.role, key.node_id, said_ns)
-        self._moved_in_time += time_ns != said_ns
-        if isinstance(message, DapInstallation):
-            time_ns = self._installed_ns(key.node_id, time_ns, said_ns)
-        self._time_line.put(event._replace(time_ns=time_ns), now_ns)
-
-    def _installed_ns(self, dap_id: str, time_ns: int, said_ns: int) -> int:
-        """Return ``time_ns``, or what it was when the DAP said the same of itself before."""
-        known = self._said_installed.get(dap_id)
-        if known is None or known[1] != said_ns:
-            known = self._said_installed[dap_id] = (time_ns, said_ns)
-        return known[0]
+            events = self._dating.date(key, message, now_ns) if key.topic in _FUSED else []
+            for event in (*self._dating.dated_by_now(key), *events):
+                self._time_line.put(event, now_ns)
 
     def _keep(self, node_id: str, message: Message, now_ns: int) -> None:
         """Keep the newest of what is told and not fused: at once, for an alarm waits for nobody."""
@@ -358,13 +326,10 @@ class Incident:
         )
 
     def _dap_place(self, dap_id: str, dap: InstalledDap) -> Outgoing:
-        installed_ns, said_ns = self._said_installed.get(
-            dap_id, (dap.installed_ns, dap.installed_ns)
-        )
         return self._outgoing(
             DapEstimate(
                 # The DAP knows its installation by the time that it gave itself.
-                event_time_ns=said_ns if dap.installed_ns == installed_ns else dap.installed_ns,
+                event_time_ns=self._dating.said_ns(dap_id, dap.installed_ns),
                 sequence=self._next_sequence("dap_place"),
                 dap_id=dap_id,
                 position=dap.position,

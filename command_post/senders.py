@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple, TypeAlias
 
+from command_post.fusion.time_line import within_time
 from shared.messages import Message
 from shared.topics import Key, Role
 from shared.units import NS_PER_S
@@ -35,7 +36,6 @@ GRAIN_NS = NS_PER_S // 10
 
 MOST_BEGINNINGS = 3
 BEGINNINGS_WITHIN_NS = 60 * NS_PER_S
-LATEST_TIME_NS = 2**63 - 1
 
 _UNITS_S = ((86_400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 
@@ -94,7 +94,7 @@ class Senders:
         """Return when, on the post's clock, it was ``said_ns`` on a node's."""
         clock = self._clocks.get((role, node_id))
         offset_ns = 0 if clock is None else clock.wrong_by_ns
-        return min(max(said_ns + offset_ns, 0), LATEST_TIME_NS) if offset_ns else said_ns
+        return within_time(said_ns + offset_ns)
 
     def _clock(self, node: Node) -> _NodeClock:
         if node not in self._clocks:

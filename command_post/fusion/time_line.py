@@ -19,6 +19,7 @@ from shared.topics import Key
 from shared.units import NS_PER_S
 
 REMEMBERED_PER_KEY = 512
+LATEST_TIME_NS = 2**63 - 1
 
 
 class TimeLineSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -26,6 +27,11 @@ class TimeLineSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
     hold_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 1.5
     capacity: Annotated[int, Meta(ge=1, le=10_000_000)] = 100_000
+
+
+def within_time(time_ns: int) -> int:
+    """Return ``time_ns``, or the first or last time that there is."""
+    return min(max(time_ns, 0), LATEST_TIME_NS)
 
 
 class Event(NamedTuple):
@@ -42,7 +48,7 @@ class Event(NamedTuple):
         if not ahead_ns:
             return message
         if isinstance(message, OdometryIncrement):
-            start_ns = max(message.start_time_ns + ahead_ns, 0)
+            start_ns = within_time(message.start_time_ns + ahead_ns)
             return structs.replace(message, event_time_ns=self.time_ns, start_time_ns=start_ns)
         return structs.replace(message, event_time_ns=self.time_ns)
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import get_args
 
 import pytest
 
+from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.incident import Incident, IncidentSettings, Notice
 from command_post.roster import RosterSettings, make_roster
 from shared.codec import decode, encode, parse_key
@@ -100,15 +102,20 @@ def test_in_an_exercise_in_a_hurry_nobody_is_to_blame() -> None:
     assert incident.take_notices() == []
 
 
-def test_who_was_a_day_ahead_and_starts_again_right_is_believed() -> None:
-    incident = Incident(IncidentSettings())
+@pytest.mark.parametrize("method", get_args(FusionMethod))
+def test_who_was_a_day_ahead_and_starts_again_right_is_believed(method: FusionMethod) -> None:
+    incident = Incident(IncidentSettings(fusion=FusionSettings(method=method)))
     hear(incident, 0.0, "responder", "r1", track_start(DAY_S))
     walk(incident, "r1", DAY_S, range(1, 5))
     hear(incident, 9.0, "responder", "r1", track_start(9.0))
-    incident.finish(at_ns(12.0))
+    walk(incident, "r1", 0.0, range(10, 20))
+    incident.finish(at_ns(20.0))
     assert incident.counts["stale_start"] == 0
-    assert incident.estimates["r1"].time_ns == at_ns(9.0)
-    assert make_roster(incident, at_ns(12.0), RosterSettings()).responders[0].fault is None
+    estimate = incident.estimates["r1"]
+    assert estimate.time_ns == at_ns(18.8)
+    # The start was at the origin.
+    assert estimate.north_m == pytest.approx(12.0, abs=2.0)
+    assert make_roster(incident, at_ns(20.0), RosterSettings()).responders[0].fault is None
 
 
 def test_a_dap_whose_clock_is_behind_stands_where_its_installer_was_when_it_was_set_down() -> None:
