@@ -31,6 +31,9 @@ from edge_agent.inertial.zupt_filter import (
 )
 from shared.compiled import compiled
 
+STOP_PARTS = 5
+"""A stop is looked at in blocks, and a block in so many parts."""
+
 
 @compiled
 def predict(s: StateRecord, p: ParametersRecord, m: int, rate: NDArray[np.float64]) -> None:
@@ -107,6 +110,38 @@ def record_update(
 
 
 @compiled
+def stop_rate(
+    s: StateRecord, p: ParametersRecord, m: int, mean_rate_rad_s: NDArray[np.float64]
+) -> float:
+    """Write the mean rate of the block of a stop that ends at slot ``m``; returns its variance.
+
+    Returns zero where no block ends. Who stands sways, some more than others: how far a block's
+    mean is off the gyro's bias goes with how far its fifths are off that mean.
+    """
+    if not (s.zero_rate_first >= 0 and s.zero_rate_first <= m <= s.zero_rate_last):
+        return 0.0
+    first = max(s.zero_rate_first, s.zero_rate_told + 1)
+    part = max(1, p.zero_rate // STOP_PARTS)
+    if m - first + 1 < part * STOP_PARTS:
+        return 0.0
+    s.zero_rate_told = m
+    scatter = 0.0
+    for c in range(3):
+        total = squares = 0.0
+        for k in range(STOP_PARTS):
+            part_mean = 0.0
+            for i in range(part):
+                slot = m - part * k - i
+                part_mean += s.samples[slot & (CAPACITY - 1), RATE + c] / part
+            total += part_mean
+            squares += part_mean * part_mean
+        mean = total / STOP_PARTS
+        mean_rate_rad_s[c] = mean
+        scatter += max(0.0, squares / STOP_PARTS - mean * mean)
+    return float(p.zero_rate_sd_rad_s**2 + p.sway_share**2 * scatter)
+
+
+@compiled
 def update(
     s: StateRecord,
     p: ParametersRecord,
@@ -124,11 +159,11 @@ def update(
         residual = s.rolling_height_m * roll[c] - s.velocity_m_s[c]
         weight = scalar_update(s.covariance, gain, correction, 3 + c, -roll[c], variance, residual)
         record_update(row, 3 + c, -roll[c], weight, gain)
-    if s.zero_rate_first >= 0 and s.zero_rate_first <= m <= s.zero_rate_last:
-        now = s.samples[m & (CAPACITY - 1)]
-        still = p.zero_rate_sd_rad_s**2 * p.reference_period_s / row[0]
+    mean_rate = np.empty(3)
+    still = stop_rate(s, p, m, mean_rate)
+    if still > 0.0:
         for c in range(3):
-            residual = now[RATE + c] - s.rate_bias_rad_s[c]
+            residual = mean_rate[c] - s.rate_bias_rad_s[c]
             weight = scalar_update(s.covariance, gain, correction, 12 + c, 0.0, still, residual)
             record_update(row, 12 + c, 0.0, weight, gain)
     for c in range(3):

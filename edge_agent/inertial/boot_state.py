@@ -53,6 +53,7 @@ STATE = np.dtype(
         ("last_moving", "i8"),
         ("zero_rate_first", "i8"),
         ("zero_rate_last", "i8"),
+        ("zero_rate_told", "i8"),
         ("candidate_statistic", "f8"),
         ("candidate_peak_m_s", "f8"),
         ("anchor_position_m", "f8", (3,)),
@@ -175,9 +176,12 @@ def initial_state(
     sd[12:15] = parameters.initial_rate_bias_sd_rad_s
     if biased:
         s["rate_bias_rad_s"] = rate_rad_s
+        sd[12:15] = parameters.doubtful_bias_sd_rad_s
     sd[ROLLING_HEIGHT] = parameters.rolling_height_sd_m
     s["covariance"] = np.diag(sd**2)
-    for name in ("candidate", "still_since", "zero_rate_first", "zero_rate_last", "flat_tops"):
+    for name in (
+        "candidate", "still_since", "zero_rate_first", "zero_rate_last", "zero_rate_told", "flat_tops",
+    ):  # fmt: skip
         s[name] = -1
     s["statistic"] = np.inf
     return state

@@ -75,8 +75,9 @@ class EskfParameters(NamedTuple):
     velocity_sd_m_s: float = 0.03
     velocity_sd_per_rate_m: float = 0.2
     zero_rate_limit: float = 0.004
-    zero_rate_time_s: float = 0.5
-    zero_rate_sd_rad_s: float = 0.01
+    zero_rate_time_s: float = 0.25
+    zero_rate_sd_rad_s: float = math.radians(0.05)
+    sway_share: float = 0.45
 
     # Standing on what accelerates by more than this, as a lift does (boot_filter.py).
     carried_m_s2: float = 0.25
@@ -90,7 +91,8 @@ class EskfParameters(NamedTuple):
     moving_tilt_sd_rad: float = math.radians(10.0)
     initial_force_bias_sd_m_s2: float = 0.05
     initial_rate_bias_sd_rad_s: float = 0.003
-    doubtful_bias_rad_s: float = 0.01
+    doubtful_bias_rad_s: float = 0.03
+    doubtful_bias_sd_rad_s: float = 0.01
     still_rate_rad_s: float = 0.015
     moving_rate_rad_s: float = 0.5
 
