@@ -21,6 +21,7 @@ from edge_agent.inertial.stride_smoothing import (
 from edge_agent.inertial.zero_velocity import MOVING, STRONG, stillness_class
 from edge_agent.inertial.zupt_filter import (
     HEADING,
+    RATE_BIAS,
     ROLLING_HEIGHT,
     STATES,
     add_process_noise,
@@ -142,6 +143,33 @@ def stop_rate(
 
 
 @compiled
+def consider_bias_about_down(
+    covariance: NDArray[np.float64],
+    correction: NDArray[np.float64],
+    before: NDArray[np.float64],
+    row: NDArray[np.float64],
+) -> None:
+    """Take back what zero velocity has made of the gyro's bias about down: only stops tell it.
+
+    Velocity sees that bias no more than it sees scale, misalignment and sensitivity to shocks, all
+    of them steady errors that no state stands for: walking would learn those in its place. So it
+    is a state considered and not corrected (Schmidt 1966): its gain is zero, and its variance,
+    which was ``before`` (3×3, of the whole bias), stays what it was.
+    """
+    down = -row[10:13] / row[0]
+    learnt = shift = 0.0
+    for i in range(3):
+        shift += down[i] * correction[RATE_BIAS + i]
+        for j in range(3):
+            gone = before[i, j] - covariance[RATE_BIAS + i, RATE_BIAS + j]
+            learnt += down[i] * gone * down[j]
+    for i in range(3):
+        correction[RATE_BIAS + i] -= shift * down[i]
+        for j in range(3):
+            covariance[RATE_BIAS + i, RATE_BIAS + j] += learnt * down[i] * down[j]
+
+
+@compiled
 def update(
     s: StateRecord,
     p: ParametersRecord,
@@ -155,10 +183,12 @@ def update(
     """
     row = s.history[m & (CAPACITY - 1)]
     correction, gain = np.zeros(STATES), np.empty(STATES)
+    bias_covariance = s.covariance[12:15, 12:15].copy()
     for c in range(3):
         residual = s.rolling_height_m * roll[c] - s.velocity_m_s[c]
         weight = scalar_update(s.covariance, gain, correction, 3 + c, -roll[c], variance, residual)
         record_update(row, 3 + c, -roll[c], weight, gain)
+    consider_bias_about_down(s.covariance, correction, bias_covariance, row)
     mean_rate = np.empty(3)
     still = stop_rate(s, p, m, mean_rate)
     if still > 0.0:
@@ -186,7 +216,7 @@ def allow_for_lift(s: StateRecord, p: ParametersRecord, m: int, gained_m_s: floa
     """
     gained_m_s += p.gravity_m_s2 * s.history[m & (CAPACITY - 1), 0]
     carried_m_s = p.carried_m_s2 * s.history[m & (CAPACITY - 1), 0]
-    if m - s.last_moving >= p.zero_rate and abs(gained_m_s) > carried_m_s:
+    if m - s.last_moving >= p.carried_after and abs(gained_m_s) > carried_m_s:
         s.covariance[5, 5] += (p.carried_factor * gained_m_s) ** 2
 
 

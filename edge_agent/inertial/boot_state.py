@@ -105,6 +105,9 @@ OUTCOME = np.dtype(
 State = NDArray[np.void]
 Outcome = NDArray[np.void]
 
+BEYOND_PRIOR = 4.5
+"""So many standard deviations off at the start, a mean rate says the gyro's prior is not for it."""
+
 TOP_SPEED_M_S = 10.0
 LARGEST_SD_M, LARGEST_SD_RAD = 30.0, math.pi
 """A stride faster on average, or less sure, is no stride: the filter has gone astray."""
@@ -151,17 +154,18 @@ def initial_state(
 ) -> State:
     """Return the state of a boot levelled on its stillest moment (n×3 each), heading 0.
 
-    The mean of so short a moment is worse than none as a gyro bias, unless it is larger than a
-    good gyro's and the foot lies quite still. A foot that was never still is levelled roughly.
+    The mean rate of so short a moment is no gyro bias, unless it is beyond what the prior and the
+    moment's own trembling allow: then the gyro is worse than most, and the prior is not for it. A
+    foot that was never still is levelled roughly.
     """
     force_m_s2, rate_rad_s = forces_m_s2.mean(axis=0), rates_rad_s.mean(axis=0)
     turning = float(np.sqrt(np.mean(np.sum(rates_rad_s**2, axis=1))))
     trembling = float(np.sqrt(np.mean(np.sum((rates_rad_s - rate_rad_s) ** 2, axis=1))))
     moving = turning > parameters.moving_rate_rad_s
-    biased = (
-        trembling < parameters.still_rate_rad_s
-        and float(np.linalg.norm(rate_rad_s)) > parameters.doubtful_bias_rad_s
-    )
+    turned_rad_s = float(np.linalg.norm(rate_rad_s))
+    prior_rad_s = parameters.initial_rate_bias_sd_rad_s
+    doubt_rad_s = math.hypot(parameters.zero_rate_sd_rad_s, parameters.sway_share * trembling)
+    biased = not moving and turned_rad_s > BEYOND_PRIOR * math.hypot(prior_rad_s, doubt_rad_s)
     state = blank_state()
     s = state[0]
     s["quat_wxyz"] = s["anchor_quat_wxyz"] = level_quaternion(force_m_s2)
@@ -173,14 +177,14 @@ def initial_state(
     sd[3:6] = 1.0 if moving else parameters.initial_velocity_sd_m_s
     sd[6:8] = parameters.moving_tilt_sd_rad if moving else parameters.initial_tilt_sd_rad
     sd[9:12] = parameters.initial_force_bias_sd_m_s2
-    sd[12:15] = parameters.initial_rate_bias_sd_rad_s
+    sd[12:15] = max(doubt_rad_s, 0.25 * turned_rad_s) if biased else prior_rad_s
     if biased:
         s["rate_bias_rad_s"] = rate_rad_s
-        sd[12:15] = parameters.doubtful_bias_sd_rad_s
     sd[ROLLING_HEIGHT] = parameters.rolling_height_sd_m
     s["covariance"] = np.diag(sd**2)
     for name in (
-        "candidate", "still_since", "zero_rate_first", "zero_rate_last", "zero_rate_told", "flat_tops",
+        "candidate", "still_since", "zero_rate_first", "zero_rate_last", "zero_rate_told",
+        "flat_tops",
     ):  # fmt: skip
         s[name] = -1
     s["statistic"] = np.inf

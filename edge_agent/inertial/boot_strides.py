@@ -168,7 +168,9 @@ def take_statistic(s: StateRecord, p: ParametersRecord, centre: int) -> None:
         p.rate_scale_rad_s,
     )
     s.statistic[centre & (CAPACITY - 1)] = value
-    if value >= p.zero_rate_limit:
+    b = s.rate_bias_rad_s
+    of_bias = (b[0] * b[0] + b[1] * b[1] + b[2] * b[2]) / p.rate_scale_rad_s**2
+    if value - of_bias >= p.zero_rate_limit:
         s.still_since = -1
     elif s.still_since < 0:
         s.still_since = centre

@@ -75,11 +75,12 @@ class EskfParameters(NamedTuple):
     velocity_sd_m_s: float = 0.03
     velocity_sd_per_rate_m: float = 0.2
     zero_rate_limit: float = 0.004
-    zero_rate_time_s: float = 0.25
+    zero_rate_time_s: float = 0.2
     zero_rate_sd_rad_s: float = math.radians(0.05)
     sway_share: float = 0.45
 
-    # Standing on what accelerates by more than this, as a lift does (boot_filter.py).
+    # Standing for so long on what accelerates by more than this, as a lift does (boot_filter.py).
+    carried_after_s: float = 0.5
     carried_m_s2: float = 0.25
     carried_factor: float = 10.0
 
@@ -90,10 +91,7 @@ class EskfParameters(NamedTuple):
     initial_tilt_sd_rad: float = math.radians(0.3)
     moving_tilt_sd_rad: float = math.radians(10.0)
     initial_force_bias_sd_m_s2: float = 0.05
-    initial_rate_bias_sd_rad_s: float = 0.003
-    doubtful_bias_rad_s: float = 0.03
-    doubtful_bias_sd_rad_s: float = 0.01
-    still_rate_rad_s: float = 0.015
+    initial_rate_bias_sd_rad_s: float = 0.004
     moving_rate_rad_s: float = 0.5
 
     # What a published increment's covariance says beyond the filter's own.
@@ -129,6 +127,7 @@ class Windows(NamedTuple):
     standing: int
     longest: int
     zero_rate: int
+    carried_after: int
     bridge_shortest: int
     bridge_longest: int
     bridge_margin: int
@@ -157,6 +156,7 @@ def windows_at(parameters: EskfParameters, rate_hz: float) -> Windows:
         standing=samples(parameters.standing_interval_s),
         longest=samples(parameters.longest_stride_s),
         zero_rate=samples(parameters.zero_rate_time_s),
+        carried_after=samples(parameters.carried_after_s),
         bridge_shortest=samples(parameters.bridge_shortest_period_s),
         bridge_longest=samples(parameters.bridge_longest_period_s),
         bridge_margin=samples(parameters.bridge_margin_s),
