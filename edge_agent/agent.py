@@ -66,8 +66,20 @@ class Agent:
         self._batch: list[ImuSample] = []
         self._told_sd_rad: float | None = None
         self._moved = False
+        self._samples = 0
         self.start_payload: bytes | None = None
         """The newest start as it was sent, for posts that come late and ask; ``None`` before."""
+
+    @property
+    def why_no_movement(self) -> str | None:
+        """Why no movement was told so far, in words; ``None`` if some was."""
+        if self._moved:
+            return None
+        if not self._samples:
+            return "no sample came"
+        if not self._mount.ready:
+            return "the boot was never still: let the wearer stand for some seconds at first"
+        return "no stride was found: the wearer stood, or the sensor is not on a boot"
 
     def take(self, reading: Reading) -> None:
         """Take in a sample, whose time is on the clock the incident goes by, or the truth."""
@@ -93,11 +105,13 @@ class Agent:
     def finish(self) -> None:
         """Send what is still held: no more samples will come."""
         for increment in self._mount.finish():
+            self._moved = True
             self._send_increment(increment)
         if self._batch:
             self._send_batch()
 
     def _take_sample(self, sample: ImuSample) -> None:
+        self._samples += 1
         if self._sends_imu:
             self._record(sample)
         self._classifier.take_sample(sample)

@@ -113,9 +113,7 @@ def run(
             else:
                 begin_ns = SystemClock().now_ns()
                 _follow(agent, opened.beginning_at(begin_ns), ScaledClock(begin_ns, speed), stop)
-            _tell_faults(mount.faults)
-            if bus.unsent:
-                _log.warning("messages were lost: there was no link", count=bus.unsent)
+            tell_losses(agent, mount.faults, bus.unsent)
     except (SourceError, ConfigError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
@@ -138,11 +136,15 @@ def _take_part(
     stop.wait()
 
 
-def _tell_faults(faults: Faults) -> None:
-    """Say what was wrong with the samples, if anything was."""
+def tell_losses(agent: Agent, faults: Faults, unsent: int) -> None:
+    """Say what was wrong with the samples, and what the post will miss, if anything."""
     counts = {name: count for name, count in asdict(faults).items() if count}
     if counts:
         _log.warning("samples were not as they should be", **counts)
+    if agent.why_no_movement is not None:
+        _log.warning("no movement was told", why=agent.why_no_movement)
+    if unsent:
+        _log.warning("messages were lost: there was no link", count=unsent)
 
 
 def _await_link(bus: ZenohBus, stop: Event) -> None:

@@ -13,6 +13,8 @@ from structlog.testing import capture_logs
 
 from edge_agent.__main__ import app
 from edge_agent.agent import Agent
+from edge_agent.commands.follow import tell_losses
+from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import make_mount
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import TruePlace
@@ -88,6 +90,34 @@ def test_a_walk_goes_out_as_start_strides_samples_and_truth(
     assert [time for batch in batches for time in batch.time_ns] == [s.time_ns for s in samples]
     flat = [value for batch in batches for value in batch.force_m_s2]
     assert flat == [value for sample in samples for value in sample.force_m_s2]
+
+
+@pytest.mark.parametrize(
+    ("shaken", "samples", "why"),
+    [
+        (0.0, 0, "no sample came"),
+        (1.0, 500, "the boot was never still"),
+        (0.0, 500, "no stride was found"),
+    ],
+)
+def test_an_agent_that_told_no_movement_knows_why(
+    agent: Agent, shaken: float, samples: int, why: str
+) -> None:
+    for index in range(samples):
+        shake = shaken * math.sin(index)
+        rate_rad_s, force_m_s2 = (5.0 * shake, 0.0, 0.0), (0.0, 0.0, -9.81 + 8.0 * shake)
+        agent.take(ImuSample(10**18 + index * 10_000_000, force_m_s2, rate_rad_s))
+    agent.finish()
+    assert agent.why_no_movement is not None
+    assert agent.why_no_movement.startswith(why)
+    with capture_logs() as logs:
+        tell_losses(agent, Faults(), 0)
+    assert [log["event"] for log in logs] == ["no movement was told"]
+
+
+def test_an_agent_that_told_movement_has_nothing_to_say(agent: Agent) -> None:
+    walk(agent)
+    assert agent.why_no_movement is None
 
 
 def test_each_key_is_numbered_from_nought(agent: Agent, heard: list[Received]) -> None:
