@@ -135,18 +135,19 @@ def montecarlo(
             draw_monte_carlo(
                 [_sample(name, exercises[name], done[name], seed) for name in done], picture
             )
-    except ValueError as error:
+    except (ValueError, RehearsalError, ClusterError, OSError) as error:
         _log.error(str(error))
-        return ExitCode.USAGE
-    except (RehearsalError, ClusterError, OSError) as error:
-        _log.error(str(error))
-        return ExitCode.FAILURE
+        return ExitCode.USAGE if isinstance(error, ValueError) else ExitCode.FAILURE
+    _show(card, json=json)
+    return ExitCode.OK
+
+
+def _show(card: PooledScore, *, json: bool) -> None:
     if json:
         sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(card)) + b"\n")
-    else:
-        for name, scored in card.scenarios.items():
-            Console().print(pooled_table(name, scored))
-    return ExitCode.OK
+        return
+    for name, scored in card.scenarios.items():
+        Console().print(pooled_table(name, scored))
 
 
 def _run_all(
