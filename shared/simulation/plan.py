@@ -6,7 +6,9 @@ metres above it, upwards.
 
 from __future__ import annotations
 
+import math
 from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
@@ -18,6 +20,8 @@ from numpy.typing import NDArray
 from shared.config import ConfigError, load_toml
 
 PLANS = Path(__file__).parent / "plans"
+CHORD_M = 2.0
+"""A bent wall is straight over this much."""
 SLAB_TOLERANCE_M = 0.5
 """A point up to this far below a floor still counts as on it: feet on the last steps."""
 
@@ -45,13 +49,35 @@ class Door(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Wall(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A straight wall of one floor, from slab to slab, but for its doors."""
+    """A wall of one floor, from slab to slab, but for its doors.
+
+    It is straight, or turns evenly by ``bend_deg`` from its start to its end, clockwise.
+    """
 
     floor: str
     start_m: Point
     end_m: Point
     attenuation: Attenuation = "light"
     doors: tuple[Door, ...] = ()
+    bend_deg: Annotated[float, Meta(gt=-360.0, lt=360.0)] = 0.0
+
+    @property
+    def length_m(self) -> float:
+        """Length along the wall."""
+        chord_m = float(np.hypot(*np.subtract(self.end_m, self.start_m)))
+        half_rad = 0.5 * math.radians(self.bend_deg)
+        return chord_m * half_rad / math.sin(half_rad) if half_rad else chord_m
+
+    def at(self, along_m: float) -> Array:
+        """Return the point (2,) of the wall ``along_m`` from its start."""
+        start, chord = np.array(self.start_m), np.subtract(self.end_m, self.start_m)
+        share = along_m / self.length_m
+        bend_rad = math.radians(self.bend_deg)
+        if not bend_rad:
+            return np.asarray(start + chord * along_m / self.length_m)
+        toward_rad = math.atan2(chord[1], chord[0]) - 0.5 * bend_rad * (1.0 - share)
+        away_m = self.length_m * math.sin(0.5 * bend_rad * share) / (0.5 * bend_rad)
+        return np.asarray(start + away_m * np.array([math.cos(toward_rad), math.sin(toward_rad)]))
 
 
 class Room(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -170,7 +196,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
     def doors_m(self, floor: str) -> Array:
         """Middles (d, 2) of all doors on ``floor``."""
         middles = [
-            np.add(wall.start_m, door.at_m * _direction(wall))
+            wall.at(door.at_m)
             for wall in self.walls
             if wall.floor == floor
             for door in wall.doors
@@ -229,22 +255,17 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _direction(wall: Wall) -> Array:
-    along = np.subtract(wall.end_m, wall.start_m)
-    return np.asarray(along / np.hypot(*along))
-
-
 def _pieces(wall: Wall) -> list[tuple[Array, Array]]:
-    """Return the start and end of each stretch of ``wall`` between its doors."""
-    start, end = np.array(wall.start_m), np.array(wall.end_m)
-    length_m = float(np.hypot(*(end - start)))
+    """Return the start and end of each straight stretch of ``wall`` between its doors."""
     doors = sorted(wall.doors, key=lambda door: door.at_m)
     edges = [0.0]
     for door in doors:
         edges += [door.at_m - door.width_m / 2.0, door.at_m + door.width_m / 2.0]
-    edges.append(length_m)
-    return [
-        (start + (end - start) * a / length_m, start + (end - start) * b / length_m)
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b > a
-    ]
+    edges.append(wall.length_m)
+    pieces = []
+    for start_m, end_m in zip(edges[::2], edges[1::2], strict=True):
+        if end_m > start_m:
+            count = math.ceil((end_m - start_m) / CHORD_M) if wall.bend_deg else 1
+            points = [wall.at(along_m) for along_m in np.linspace(start_m, end_m, count + 1)]
+            pieces += list(pairwise(points))
+    return pieces
