@@ -135,12 +135,12 @@ class Evidence:
     def dap_estimates_m(self) -> dict[str, Floats]:
         """Return where each DAP was held to stand at last (3,), by id."""
         newest = {name: said[max(said)].position for name, said in self._dap_estimates.items()}
-        return {name: _vector(newest[name]) for name in sorted(newest)}
+        return {name: vector_m(newest[name]) for name in sorted(newest)}
 
     def dap_truths_m(self) -> dict[str, Floats]:
         """Return where each DAP really stood at last (3,), by id."""
         newest = {name: said[max(said)] for name, said in self._dap_truth.items()}
-        return {name: _vector(newest[name]) for name in sorted(newest)}
+        return {name: vector_m(newest[name]) for name in sorted(newest)}
 
     def dap_errors_m(self, method: Method = "live") -> dict[str, float]:
         """Return the horizontal errors of the DAPs that somebody set down, by id.
@@ -176,7 +176,7 @@ class Evidence:
         place_m = np.zeros(3)
         for (mark, start), end_ns in zip(starts, [*next_ns, math.inf], strict=True):
             if start.position is not None:
-                place_m = _vector(start.position)
+                place_m = vector_m(start.position)
             rows[mark[0]] = place_m
             for (time_ns, _), move in moves:
                 if mark[0] < time_ns <= end_ns:
@@ -188,14 +188,15 @@ class Evidence:
 def _live_track(said: dict[_Mark, TrackEstimate]) -> Track:
     newest = {mark[0]: estimate for mark, estimate in sorted(said.items())}
     covariance_m2 = np.array([estimate.covariance_m2 for estimate in newest.values()])
-    place_m = np.array([_vector(estimate) for estimate in newest.values()])
+    place_m = np.array([vector_m(estimate) for estimate in newest.values()])
     regions_m = {
         k: estimate.regions_m for k, estimate in enumerate(newest.values()) if estimate.regions_m
     }
     return Track(_seconds(newest), place_m, covariance_m2, regions_m)
 
 
-def _vector(place: LocalPosition | Truth | TrackEstimate) -> Floats:
+def vector_m(place: LocalPosition | Truth | TrackEstimate) -> Floats:
+    """Return north, east, down (3,) of what says them."""
     return np.array([place.north_m, place.east_m, place.down_m])
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from command_post.children import Children
-from command_post.evidence import Evidence
+from command_post.evidence import Evidence, Track, vector_m
 from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident
 from command_post.recording_file import RecordingFile
@@ -123,4 +123,10 @@ def fuse_logs(directory: Path, settings: IncidentSettings) -> Fused:
             evidence.add_wire(outgoing.key, outgoing.payload)
     for outgoing in incident.finish(now_ns):
         evidence.add_wire(outgoing.key, outgoing.payload)
+    after = incident.afterwards()
+    if after is not None:
+        evidence.add_afterwards(
+            {name: Track(*track) for name, track in after.tracks.items()},
+            {dap_id: vector_m(dap.position) for dap_id, dap in after.daps.items()},
+        )
     return Fused(evidence, handled_ms)

@@ -16,7 +16,7 @@ from rich.progress import Progress
 from command_post.cluster import ClusterError
 from command_post.distribution_picture import Drawn, draw_monte_carlo
 from command_post.evaluation.pooled import PooledScore, latency, pool
-from command_post.fusion.settings import FusionSettings
+from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.incident import IncidentSettings
 from command_post.monte_carlo import Exercise, Run, run_many, run_one
 from command_post.recording_file import RecorderError
@@ -41,6 +41,7 @@ def rehearse(
     seed: Seed = 1,
     method: str | None = None,
     odometry: OdometrySource = "imu",
+    fusion: FusionMethod = "team",
     imu: bool = True,
     replace: bool = False,
 ) -> int:
@@ -60,6 +61,8 @@ def rehearse(
         How the agents read their boots: eskf or linear; the agents' own default if not given.
     odometry
         Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
+    fusion
+        The whole team smoothed together (team), or a particle filter for each (published).
     imu
         Record the raw samples and readings as well.
     replace
@@ -67,8 +70,7 @@ def rehearse(
 
     """
     try:
-        fusion = checked(FusionSettings(seed=seed))
-        settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
+        settings = _settings(FusionSettings(method=fusion, seed=seed))
         load_scenario(scenario)
         agents = Agents(method, imu, odometry)
         rehearse_scenario(scenario, seed, settings, output, agents, replace=replace)
@@ -89,6 +91,7 @@ def montecarlo(
     particles: int = 1000,
     method: str | None = None,
     odometry: OdometrySource = "imu",
+    fusion: FusionMethod = "team",
     workers: Positive = 2,
     dask: str | None = None,
     picture: Path | None = None,
@@ -107,11 +110,13 @@ def montecarlo(
     seed
         Of the first run; each next one's is one higher.
     particles
-        For each responder.
+        For each responder, of the published filter.
     method
         How the agents read their boots: eskf or linear; the agents' own default if not given.
     odometry
         Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
+    fusion
+        The whole team smoothed together (team), or a particle filter for each (published).
     workers
         Processes that share the work.
     dask
@@ -122,32 +127,29 @@ def montecarlo(
         Print the score card as one JSON object.
 
     """
+    settings = FusionSettings(method=fusion, seed=seed, particles=particles)
+    agents = Agents(method, raw=False, odometry=odometry)
     try:
-        fusion = checked(FusionSettings(seed=seed, particles=particles))
-        settings = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=fusion)
-        agents = Agents(method, raw=False, odometry=odometry)
-        exercises = {Path(name).stem: Exercise(name, settings, agents) for name in scenario}
-        for name in scenario:
-            load_scenario(name)
+        exercises = {Path(name).stem: _exercise(name, settings, agents) for name in scenario}
         done = _run_all(exercises, runs, seed, workers, dask)
-        card = _card(done)
         if picture is not None:
-            draw_monte_carlo(
-                [_sample(name, exercises[name], done[name], seed) for name in done], picture
-            )
+            drawn = [_sample(name, exercises[name], done[name], seed) for name in done]
+            draw_monte_carlo(drawn, picture)
     except (ValueError, RehearsalError, ClusterError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE if isinstance(error, ValueError) else ExitCode.FAILURE
-    _show(card, json=json)
+    _show(_card(done), json=json)
     return ExitCode.OK
 
 
-def _show(card: PooledScore, *, json: bool) -> None:
-    if json:
-        sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(card)) + b"\n")
-        return
-    for name, scored in card.scenarios.items():
-        Console().print(pooled_table(name, scored))
+def _exercise(scenario: str, fusion: FusionSettings, agents: Agents) -> Exercise:
+    """Return what is to be run, once it is sure that the scenario can be used."""
+    load_scenario(scenario)
+    return Exercise(scenario, _settings(fusion), agents)
+
+
+def _settings(fusion: FusionSettings) -> IncidentSettings:
+    return IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=checked(fusion))
 
 
 def _run_all(
@@ -183,3 +185,11 @@ def _card(done: dict[str, list[Run]]) -> PooledScore:
             for name, told in card.scenarios.items()
         }
     )
+
+
+def _show(card: PooledScore, *, json: bool) -> None:
+    if json:
+        sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(card)) + b"\n")
+        return
+    for name, scored in card.scenarios.items():
+        Console().print(pooled_table(name, scored))

@@ -196,10 +196,7 @@ class Plan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
     def doors_m(self, floor: str) -> Array:
         """Middles (d, 2) of all doors on ``floor``."""
         middles = [
-            wall.at(door.at_m)
-            for wall in self.walls
-            if wall.floor == floor
-            for door in wall.doors
+            wall.at(door.at_m) for wall in self.walls if wall.floor == floor for door in wall.doors
         ]
         return np.array(middles).reshape(-1, 2)
 

@@ -64,7 +64,7 @@ class Walk:
     installed: dict[NodeId, float]
     chance: np.random.Generator
 
-    @property
+    @cached_property
     def gaits(self) -> tuple[Gait, ...]:
         """How each stance but the first was reached."""
         return tuple(fall.gait for fall in self.footfalls[1:])

@@ -90,7 +90,7 @@ def test_a_plan_is_found_by_name_or_path(tmp_path: Path) -> None:
     copy = tmp_path / "mine.toml"
     copy.write_text((PLANS / "course_building.toml").read_text(encoding="utf-8"), encoding="utf-8")
     assert load_plan(str(copy)) == load_plan("course_building")
-    with pytest.raises(ConfigError, match="course_building, .*house_of_four_daps"):
+    with pytest.raises(ConfigError, match=r"course_building, .*house_of_four_daps"):
         load_plan("house_of_cards")
     with pytest.raises(ConfigError, match="no such file"):
         load_plan(str(tmp_path / "absent.toml"))
