@@ -26,6 +26,8 @@ from command_post.fusion.cloud.layout import (
     VAR_EE,
     VAR_NE,
     VAR_NN,
+    Counts,
+    Keys,
     Lanes,
 )
 from command_post.fusion.cloud.model import CloudModel, Mixture, Tie
@@ -78,6 +80,15 @@ class Moments(NamedTuple):
     resampled: bool
 
 
+class Packed(NamedTuple):
+    """Steps as the kernels read them (layout.py)."""
+
+    steps: Lanes
+    keys: Keys
+    ties: Lanes
+    tie_ends: Counts
+
+
 def spawn(mixture: Mixture, count: int, key: Key) -> Cloud:
     """Return a cloud of at least ``count`` particles, as many as fill whole blocks of 64.
 
@@ -100,17 +111,34 @@ def advance(
 
     Many steps at once come to the same bits as one after another, at a fraction of the cost.
     """
-    rows = np.array(
-        [step_row(step.increment, step.lost, cloud.particle_count, model) for step in steps],
-        np.float32,
-    ).reshape(-1, STEP_WIDTH)
+    after, summaries = run(cloud, packed(cloud, steps, model))
+    return after, told_by(summaries, cloud.origin_m)
+
+
+def packed(cloud: Cloud, steps: Sequence[Step], model: CloudModel = DEFAULT_MODEL) -> Packed:
+    """Lay out ``steps`` for clouds of this one's size and origin, to be run once or again."""
+    size = cloud.particle_count
+    rows = [step_row(step.increment, step.lost, size, model) for step in steps]
     ties = [tie_row(tie, cloud.origin_m) for step in steps for tie in step.ties]
-    ends = np.add.accumulate(np.array([len(step.ties) for step in steps], np.int64))
-    keys = np.array([step.key for step in steps], np.uint32).reshape(-1, 2)
-    summaries = np.empty((len(steps), SUMMARY_WIDTH), np.float32)
-    tied = np.array(ties, np.float32).reshape(-1, TIE_WIDTH)
-    lanes = run_steps(cloud.lanes, rows, keys, tied, ends, summaries)
-    return _frozen(lanes, cloud.origin_m), [_moments(row, cloud.origin_m) for row in summaries]
+    return Packed(
+        np.array(rows, np.float32).reshape(-1, STEP_WIDTH),
+        np.array([step.key for step in steps], np.uint32).reshape(-1, 2),
+        np.array(ties, np.float32).reshape(-1, TIE_WIDTH),
+        np.add.accumulate(np.array([len(step.ties) for step in steps], np.int64)),
+    )
+
+
+def run(cloud: Cloud, laid_out: Packed) -> tuple[Cloud, Lanes]:
+    """Return the cloud after what was laid out, and summaries for ``told_by`` to read."""
+    rows, keys, ties, tie_ends = laid_out
+    summaries = np.empty((len(rows), SUMMARY_WIDTH), np.float32)
+    lanes = run_steps(cloud.lanes, rows, keys, ties, tie_ends, summaries)
+    return _frozen(lanes, cloud.origin_m), summaries
+
+
+def told_by(summaries: Lanes, origin_m: tuple[float, float]) -> list[Moments]:
+    """Return the moments that summaries (n, SUMMARY_WIDTH) of a cloud of this origin tell."""
+    return [_moments(told, origin_m) for told in summaries.tolist()]
 
 
 def move(
@@ -172,8 +200,7 @@ def _without_resampling(model: CloudModel) -> CloudModel:
     return msgspec.structs.replace(model, resample_below=0.0)
 
 
-def _moments(row: Lanes, origin_m: tuple[float, float]) -> Moments:
-    told = row.tolist()
+def _moments(told: Sequence[float], origin_m: tuple[float, float]) -> Moments:
     return Moments(
         north_m=origin_m[0] + told[MEAN_NORTH],
         east_m=origin_m[1] + told[MEAN_EAST],

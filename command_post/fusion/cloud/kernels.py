@@ -266,8 +266,7 @@ def _summarise(cloud: Lanes, summary: Lanes) -> None:
     _add_up(cloud, sums, peak, north, east)
     totals = np.zeros(_SUMS)
     for row in range(_SUMS):
-        for lane in range(LANES):
-            totals[row] += sums[row * LANES + lane]
+        totals[row] = _across(sums[row * LANES : (row + 1) * LANES])
     log_total = peak + natural_log(f32(totals[0]))
     for block in range(cloud.size // BLOCK):
         o = block * BLOCK + LOG_WEIGHT
@@ -278,6 +277,19 @@ def _summarise(cloud: Lanes, summary: Lanes) -> None:
 
 
 @compiled
+def _across(sums: Lanes) -> float:
+    """Return the sum of 64 lanes, folded in half time and again; ``sums`` is spoilt."""
+    for lane in range(32):
+        sums[lane] += sums[lane + 32]
+    for lane in range(16):
+        sums[lane] += sums[lane + 16]
+    total = 0.0
+    for lane in range(16):
+        total += sums[lane]
+    return total
+
+
+@compiled
 def _highest_log_weight(cloud: Lanes, highest: Lanes) -> np.float32:
     """Return the highest log-weight; the first 64 of ``highest`` are used and left at nought."""
     highest[:LANES] = _NOTHING_YET
@@ -285,10 +297,12 @@ def _highest_log_weight(cloud: Lanes, highest: Lanes) -> np.float32:
         o = block * BLOCK + LOG_WEIGHT
         for lane in range(LANES):
             highest[lane] = max(highest[lane], cloud[o + lane])
+    for lane in range(32):
+        highest[lane] = max(highest[lane], highest[lane + 32])
     peak = _NOTHING_YET
-    for lane in range(LANES):
+    for lane in range(32):
         peak = max(peak, highest[lane])
-        highest[lane] = ZERO
+    highest[:LANES] = ZERO
     return peak
 
 
@@ -341,7 +355,7 @@ def _resample(
     """Fill ``drawn`` with particles drawn systematically by weight; all weigh alike."""
     key_low = u32(key_low ^ _RESAMPLING)
     count = cloud.size // BLOCK * LANES
-    source = np.zeros(count + 1, np.int32)
+    source = np.empty(count + 2, np.int32)
     _draw(cloud, drawn, source, random_bits(u32(0xFFFFFFFF), key_low, key_high))
     for block in range(count // LANES):
         o = block * BLOCK
@@ -352,30 +366,25 @@ def _resample(
             drawn[o + OFFSET + lane] = cloud[taken + OFFSET]
             drawn[o + DRIFT + lane] = cloud[taken + DRIFT]
             drawn[o + LOG_SCALE + lane] = cloud[taken + LOG_SCALE]
-            drawn[o + COSINE + lane] = cloud[taken + COSINE]
-            drawn[o + SINE + lane] = cloud[taken + SINE]
     _loosen(drawn, kept, key_low, key_high)
 
 
 @compiled
 def _draw(cloud: Lanes, shares: Lanes, source: Indices, bits: np.uint32) -> None:
-    """Write which particle each new one copies, so that copies go by weight.
+    """Write where the particle lies that each new one copies, so that copies go by weight.
 
     Weights become whole numbers, in ``shares``' log-weights, that no rounding may add up. Along
-    their running sum stand as many marks as particles, evenly, the first by chance. Where the
-    marks of a particle begin its number is written, over that of any before it that got none; a
-    mark with no number is the same particle's as the one before it.
+    their running sum stand as many marks as particles, evenly, the first by chance. A particle is
+    written to its marks, and to one or two more, which are the next one's to write over.
     """
-    count = source.size - 1
-    for block in range(count // LANES):
-        o = block * BLOCK + LOG_WEIGHT
-        for lane in range(LANES):
-            shares[o + lane] = exponential(cloud[o + lane]) * _BITS_30
+    count = source.size - 2
     total = 0
     for block in range(count // LANES):
         o = block * BLOCK + LOG_WEIGHT
         for lane in range(LANES):
-            total += int(shares[o + lane])
+            share = i32(exponential(cloud[o + lane]) * _BITS_30)
+            shares[o + lane] = f32(share)
+            total += int(share)
     spacing = total // count
     before_first = spacing - ((int(bits) * spacing) >> 32)
     marks_per_unit = 1.0 / spacing
@@ -383,13 +392,12 @@ def _draw(cloud: Lanes, shares: Lanes, source: Indices, bits: np.uint32) -> None
     for block in range(count // LANES):
         o = block * BLOCK
         for lane in range(LANES):
-            source[mark] = o + lane
+            source[mark] = source[mark + 1] = o + lane
             reached += int(shares[o + LOG_WEIGHT + lane])
-            mark = min(int((reached + before_first) * marks_per_unit), count)
-    latest = i32(0)
-    for i in range(count):
-        latest = max(latest, source[i])
-        source[i] = latest
+            following = min(int((reached + before_first) * marks_per_unit), count)
+            for further in range(mark + 2, following):
+                source[further] = o + lane
+            mark = following
 
 
 @compiled
@@ -417,6 +425,8 @@ def _loosen(cloud: Lanes, kept: np.float32, key_low: np.uint32, key_high: np.uin
             cloud[o + DRIFT + lane], cloud[o + LOG_SCALE + lane] = drift, log_scale
             cloud[o + SCALE + lane] = exponential(log_scale)
             cloud[o + LOG_WEIGHT + lane] = log_weight
+            sine, cosine = sine_cosine(cloud[o + OFFSET + lane])
+            cloud[o + SINE + lane], cloud[o + COSINE + lane] = sine, cosine
 
 
 @compiled
@@ -430,10 +440,6 @@ def _mean_and_sd(cloud: Lanes, field: int) -> tuple[np.float32, np.float32]:
             value = cloud[o + lane]
             sums[lane] += value
             sums[LANES + lane] += value * value
-    total = squares = 0.0
-    for lane in range(LANES):
-        total += sums[lane]
-        squares += sums[LANES + lane]
-    mean = total / (blocks * LANES)
-    variance = squares / (blocks * LANES) - mean * mean
+    mean = _across(sums[:LANES]) / (blocks * LANES)
+    variance = _across(sums[LANES:]) / (blocks * LANES) - mean * mean
     return f32(mean), f32(math.sqrt(max(variance, 0.0)))
