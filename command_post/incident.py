@@ -244,6 +244,8 @@ class Incident:
             for found in self._senders.hear(key, message, now_ns):
                 self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
             self._keep(key.node_id, message, now_ns)
+            if key.role == "responder":
+                self._tracker.heard(key.node_id, min(message.event_time_ns, now_ns))
             events = self._dating.date(key, message, now_ns) if key.topic in _FUSED else []
             for event in (*self._dating.dated_by_now(key), *events):
                 self._time_line.put(event, now_ns)
@@ -321,6 +323,10 @@ class Incident:
                 heading_sd_rad=estimate.heading_sd_rad,
                 last_proximity_time_ns=estimate.last_proximity_time_ns,
                 down_sd_m=estimate.down_sd_m,
+                regions_m=estimate.regions_m,
+                floors=estimate.floors,
+                status=estimate.status,
+                reason=estimate.reason,
             ),
             "track",
         )

@@ -87,6 +87,9 @@ class Fusion(Protocol):
     def install(self, dap_id: str, said: DapInstallation) -> None:
         """A DAP was set down."""
 
+    def heard(self, responder_id: str, time_ns: int) -> None:
+        """A responder's unit is still there, whatever it said."""
+
     def take_changes(self) -> Changes:
         """Return what has changed since this was last asked, in the order of the ids."""
 

@@ -19,7 +19,14 @@ from command_post.fusion.particle_filter import (
 )
 from command_post.fusion.settings import FusionSettings
 from shared.maths.angles import wrap_rad
-from shared.messages import LocalPosition, OdometryIncrement, TrackStart
+from shared.messages import (
+    FloorShare,
+    LocalPosition,
+    OdometryIncrement,
+    Outline,
+    TrackStart,
+    TrackStatus,
+)
 
 REMEMBERED = 4096
 """Estimates and increments kept of a track: over an hour of strides."""
@@ -31,7 +38,8 @@ MOST_COVARIANCE_M2 = 1e12
 class Estimate(NamedTuple):
     """Where a responder is held to be at ``time_ns``: what a ``TrackEstimate`` says of it.
 
-    ``covariance_m2`` is horizontal (nn, ne, ee).
+    ``covariance_m2`` is horizontal (nn, ne, ee). What the published filter does not know has a
+    default.
     """
 
     time_ns: int
@@ -43,6 +51,10 @@ class Estimate(NamedTuple):
     heading_sd_rad: float
     last_proximity_time_ns: int | None
     down_sd_m: float | None = None
+    regions_m: tuple[Outline, ...] = ()
+    floors: tuple[FloorShare, ...] = ()
+    status: TrackStatus = "tracking"
+    reason: str = ""
 
     @property
     def position(self) -> LocalPosition:

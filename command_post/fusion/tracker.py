@@ -124,6 +124,9 @@ class Tracker:
         elif outcome == "placed" or said.position is None:
             self._changed_daps[dap_id] = self._daps[dap_id]
 
+    def heard(self, responder_id: str, time_ns: int) -> None:
+        """Pass over it: the published filter says nothing of who is silent."""
+
     def take_changes(self) -> Changes:
         """Return what has changed since this was last asked."""
         estimates, self._changed = sorted(self._changed.items()), {}

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from command_post.fusion.team.log import (
+    DOWN,
+    DOWN_M2,
     EAST,
     NORTH,
     PLACE_M2,
@@ -30,8 +32,9 @@ class Chain(NamedTuple):
     """A responder's stances (k ≥ 1): the start, the end of each move, the start of each new unit.
 
     ``way_m`` (k, 2) is the sum of the moves in the agents' frames, ``length_m`` (k,) their lengths
-    summed, ``variance`` (k, 2) those of place (m²) and turn (rad²). ``unit`` (k,) counts the units;
-    ``links`` are the stances at which a new unit begins, ``starts`` what each unit said.
+    summed, ``variance`` (k, 2) those of place (m²) and turn (rad²). ``rise`` (k, 2) sums ways down
+    (m) and their variances (m²). ``unit`` (k,) counts the units; ``links`` are the stances at which
+    a new unit begins, ``starts`` what each unit said.
     """
 
     responder_id: str
@@ -40,6 +43,7 @@ class Chain(NamedTuple):
     way_m: Floats
     length_m: Floats
     variance: Floats
+    rise: Floats
     unit: Ints
     links: Ints
     starts: list[Start]
@@ -87,6 +91,7 @@ def chain_of(
         way_m=np.cumsum(merged(np.zeros((len(starts), 2)), own.step_m), axis=0),
         length_m=np.cumsum(merged(np.zeros(len(starts)), own.length_m)),
         variance=np.cumsum(merged(added.variance, own.variance), axis=0),
+        rise=np.cumsum(merged(added.rise, own.rise), axis=0),
         unit=np.maximum.accumulate(unit_of_row),
         links=np.flatnonzero(order < len(starts))[1:],
         starts=starts,
@@ -96,12 +101,14 @@ def chain_of(
 class _Links(NamedTuple):
     time_ns: Ints
     variance: Floats
+    rise: Floats
 
 
 class _Rows(NamedTuple):
     step_m: Floats
     length_m: Floats
     variance: Floats
+    rise: Floats
 
 
 def _link_rows(moves: Moves, starts: list[Start], settings: TeamSettings) -> _Links:
@@ -115,7 +122,11 @@ def _link_rows(moves: Moves, starts: list[Start], settings: TeamSettings) -> _Li
     )
     gone_m2 = settings.restart_sd_m**2 + (settings.restart_speed_m_s * silent_s) ** 2
     gone_m2[0] = 0.0
-    return _Links(time_ns, np.column_stack([gone_m2, np.zeros(len(starts))]))
+    nothing = np.zeros(len(starts))
+    climbed_m2 = gone_m2 * settings.restart_climb_share**2
+    return _Links(
+        time_ns, np.column_stack([gone_m2, nothing]), np.column_stack([nothing, climbed_m2])
+    )
 
 
 def _move_rows(moves: Moves, settings: TeamSettings) -> _Rows:
@@ -126,7 +137,11 @@ def _move_rows(moves: Moves, settings: TeamSettings) -> _Rows:
     own_m2 = (settings.stride_sd_m + settings.stride_sd_share * length_m) ** 2
     place_m2 = moves.values[:, PLACE_M2] + own_m2 + (settings.lost_stride_m * lost) ** 2
     turn_rad2 = moves.values[:, TURN_RAD2] + (1.0 + lost) * settings.stride_turn_sd_rad**2
-    return _Rows(step_m, length_m, np.column_stack([place_m2, turn_rad2]))
+    down_m2 = moves.values[:, DOWN_M2] + (settings.lost_climb_m * lost) ** 2
+    return _Rows(
+        step_m, length_m, np.column_stack([place_m2, turn_rad2]),
+        np.column_stack([moves.values[:, DOWN], down_m2]),
+    )  # fmt: skip
 
 
 @compiled

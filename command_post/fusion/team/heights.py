@@ -8,6 +8,7 @@ solved at once, DAPs' with them, by the same elimination as in the plane, on sca
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -25,6 +26,12 @@ Ints: TypeAlias = NDArray[np.int64]
 
 ITERATIONS = 4
 TIE_DOF = 2.0
+BIN_M = 0.25
+REACH = 3
+"""Bins to either side of a storey's height that belong to it."""
+
+LEAST_WALKED_M = 4.0
+STOREY_AT_LEAST_M = 2.0
 
 
 class HeightGraph(NamedTuple):
@@ -57,44 +64,62 @@ def smooth_heights(graph: HeightGraph) -> tuple[Floats, Floats, Floats, Floats]:
     p = graph.place.shape[0]
     node = np.zeros(n)
     place = graph.place[:, 0].copy()
-    node_variance = np.zeros(n)
-    place_variance = np.zeros(p)
+    shared = np.zeros((p, p))
+    inverse = np.zeros(n)
+    link = np.zeros(n)
+    wing = np.zeros((n, p))
     weight = np.ones(graph.tie_sd.size)
-    for iteration in range(ITERATIONS):
+    for _ in range(ITERATIONS):
         diagonal, link, wing, right, arrow, arrow_right = _equations(graph, weight)
-        inverse = np.zeros(n)
-        for chain in range(graph.first.size - 1):
-            for a in range(graph.first[chain], graph.first[chain + 1]):
-                inverse[a] = 1.0 / diagonal[a]
-                _eliminate(a, inverse[a], wing, right, arrow, arrow_right)
-                if a + 1 < graph.first[chain + 1]:
-                    share = link[a] * inverse[a]
-                    diagonal[a + 1] -= share * link[a]
-                    right[a + 1] -= share * right[a]
-                    for k in range(p):
-                        wing[a + 1, k] -= share * wing[a, k]
+        inverse = _eliminate_all(graph, diagonal, link, wing, right, arrow, arrow_right)
         if p and not factorise(arrow):
             return node, np.full(n, math.inf), place, np.full(p, math.inf)
         if p:
             solve_factorised(arrow, arrow_right)
             place = arrow_right
-        for chain in range(graph.first.size - 1):
-            for a in range(graph.first[chain + 1] - 1, graph.first[chain] - 1, -1):
-                total = right[a]
-                if a + 1 < graph.first[chain + 1]:
-                    total -= link[a] * node[a + 1]
-                for k in range(p):
-                    total -= wing[a, k] * place[k]
-                node[a] = total * inverse[a]
+            shared = invert_factorised(arrow)
+        _go_back(graph, inverse, link, wing, right, place, node)
         for row in range(weight.size):
             off = node[graph.tie_at[row, 0]] - place[graph.tie_at[row, 1]]
-            squared = (off / graph.tie_sd[row]) ** 2
-            weight[row] = (TIE_DOF + 1.0) / (TIE_DOF + squared)
-        if iteration == ITERATIONS - 1:
-            shared = invert_factorised(arrow) if p else np.zeros((0, 0))
-            place_variance = np.diag(shared).copy()
-            _variances(graph, inverse, link, wing, shared, node_variance)
-    return node, node_variance, place, place_variance
+            weight[row] = (TIE_DOF + 1.0) / (TIE_DOF + (off / graph.tie_sd[row]) ** 2)
+    variance = _variances(graph, inverse, link, wing, shared)
+    return node, variance, place, np.diag(shared).copy()
+
+
+@compiled
+def _eliminate_all(
+    graph: HeightGraph, diagonal: Floats, link: Floats, wing: Floats, right: Floats,
+    arrow: Floats, arrow_right: Floats,
+) -> Floats:  # fmt: skip
+    """Eliminate all nodes into the arrow's equations; return their inverses (n,)."""
+    inverse = np.zeros(diagonal.size)
+    for chain in range(graph.first.size - 1):
+        for a in range(graph.first[chain], graph.first[chain + 1]):
+            inverse[a] = 1.0 / diagonal[a]
+            _eliminate(a, inverse[a], wing, right, arrow, arrow_right)
+            if a + 1 < graph.first[chain + 1]:
+                share = link[a] * inverse[a]
+                diagonal[a + 1] -= share * link[a]
+                right[a + 1] -= share * right[a]
+                for k in range(wing.shape[1]):
+                    wing[a + 1, k] -= share * wing[a, k]
+    return inverse
+
+
+@compiled
+def _go_back(
+    graph: HeightGraph, inverse: Floats, link: Floats, wing: Floats, right: Floats,
+    place: Floats, node: Floats,
+) -> None:  # fmt: skip
+    """Write all nodes' heights, from each chain's last to its first."""
+    for chain in range(graph.first.size - 1):
+        for a in range(graph.first[chain + 1] - 1, graph.first[chain] - 1, -1):
+            total = right[a]
+            if a + 1 < graph.first[chain + 1]:
+                total -= link[a] * node[a + 1]
+            for k in range(place.size):
+                total -= wing[a, k] * place[k]
+            node[a] = total * inverse[a]
 
 
 @compiled
@@ -151,53 +176,63 @@ def _eliminate(
 
 @compiled
 def _variances(
-    graph: HeightGraph, inverse: Floats, link: Floats, wing: Floats, shared: Floats, found: Floats
-) -> None:
-    """Write the variance of every node, from each chain's last to its first."""
+    graph: HeightGraph, inverse: Floats, link: Floats, wing: Floats, shared: Floats
+) -> Floats:
+    """Return the variance of every node (n,), found from each chain's last to its first."""
     p = wing.shape[1]
+    found = np.zeros(inverse.size)
     cross = np.zeros(p)
     onward = np.zeros(p)
     for chain in range(graph.first.size - 1):
+        # Nothing follows a chain's last node: its link is nought, and so is what comes of it.
+        cross[:] = 0.0
+        following = 0.0
         for a in range(graph.first[chain + 1] - 1, graph.first[chain] - 1, -1):
-            has_next = a + 1 < graph.first[chain + 1]
-            f = inverse[a] * link[a] if has_next else 0.0
+            f = inverse[a] * link[a]
+            to_next = -f * following
             for column in range(p):
-                total = -f * cross[column] if has_next else 0.0
+                onward[column] = -f * cross[column]
                 for k in range(p):
-                    total -= inverse[a] * wing[a, k] * shared[k, column]
-                onward[column] = total
-            variance = inverse[a]
-            to_next = -f * found[a + 1] if has_next else 0.0
+                    onward[column] -= inverse[a] * wing[a, k] * shared[k, column]
+            following = inverse[a]
             for k in range(p):
-                g = inverse[a] * wing[a, k]
-                variance -= onward[k] * g
-                if has_next:
-                    to_next -= g * cross[k]
-            found[a] = variance - to_next * f
+                following -= onward[k] * inverse[a] * wing[a, k]
+                to_next -= inverse[a] * wing[a, k] * cross[k]
+            following -= to_next * f
+            found[a] = following
             cross[:] = onward
+    return found
 
 
-def storeys(down_m: Floats, weight_m: Floats, apart_m: float, least_m: float) -> Floats:
-    """Return the heights (k,) at which people have walked, from the lowest number up.
+def storeys(down_m: Floats, walked_m: Floats) -> Floats:
+    """Return the heights (k,) on which people have walked, ascending; none if nobody has.
 
-    ``down_m`` (n,) with ``weight_m`` walked there. The height with most walked about it is a
-    storey, then the one with most of what is left at least ``apart_m`` away, down to ``least_m``.
+    ``walked_m`` (n,) is how far on the level at each of ``down_m`` (n,). The height about which
+    most was walked is a storey, then the one with most of what is left a storey's height away.
     """
-    left = weight_m.copy()
+    bins = np.floor(down_m / BIN_M + 0.5).astype(np.int64)
+    walked: dict[int, list[float]] = {}
+    moments: dict[int, list[float]] = {}
+    for each, height_m, length_m in zip(
+        bins.tolist(), down_m.tolist(), walked_m.tolist(), strict=True
+    ):
+        walked.setdefault(each, []).append(length_m)
+        moments.setdefault(each, []).append(length_m * height_m)
+    left = {each: math.fsum(lengths) for each, lengths in walked.items()}
     found: list[float] = []
-    while found == [] or left.max(initial=0.0) > 0.0:
-        near = np.abs(down_m[:, None] - down_m[None, :]) < 0.25 * apart_m
-        about_m = (near * left[None, :]).sum(axis=1)
-        best = int(np.argmax(about_m))
-        if found and about_m[best] < least_m:
+    while left:
+        about = {
+            each: math.fsum(left.get(each + off, 0.0) for off in range(-REACH, REACH + 1))
+            for each in left
+        }
+        best = max(about, key=lambda each: (about[each], -abs(each)))
+        if about[best] < LEAST_WALKED_M:
             break
-        members = near[best] & (left > 0.0)
-        if not members.any():
-            break
-        level_m = float((down_m[members] * left[members]).sum() / left[members].sum())
-        if all(abs(level_m - other) >= 0.75 * apart_m for other in found):
+        near = [each for each in left if abs(each - best) <= REACH]
+        level_m = math.fsum(m for each in near for m in moments[each]) / about[best]
+        if all(abs(level_m - other_m) >= STOREY_AT_LEAST_M for other_m in found):
             found.append(level_m)
-        left[np.abs(down_m - down_m[best]) < 0.5 * apart_m] = 0.0
+        left = {e: w for e, w in left.items() if abs(e - best) > REACH}
     return np.array(sorted(found))
 
 
@@ -206,12 +241,12 @@ def storey_shares(down_m: float, sd_m: float, levels_m: Floats) -> list[tuple[fl
 
     The normal density of the height, cut half-way between neighbouring storeys.
     """
+    if not levels_m.size:
+        return []
     cuts = [-math.inf, *((levels_m[1:] + levels_m[:-1]) / 2.0).tolist(), math.inf]
     below = [_normal((cut - down_m) / max(sd_m, 1e-3)) for cut in cuts]
-    shares = [high - low for low, high in zip(below[:-1], below[1:], strict=True)]
-    return sorted(
-        zip(levels_m.tolist(), shares, strict=True), key=lambda each: (-each[1], each[0])
-    )
+    shares = [high - low for low, high in pairwise(below)]
+    return sorted(zip(levels_m.tolist(), shares, strict=True), key=lambda each: (-each[1], each[0]))
 
 
 def _normal(deviations: float) -> float:

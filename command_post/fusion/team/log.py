@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shared.messages import (
     Contact,
     DapInstallation,
+    HeightFix,
     LocalPosition,
     OdometryIncrement,
     PositionFix,
@@ -50,6 +51,14 @@ class Fix(NamedTuple):
     time_ns: int
     source: str
     position: LocalPosition
+
+
+class Height(NamedTuple):
+    """Somebody's word for how high a responder or a DAP is: m down, give or take."""
+
+    time_ns: int
+    down_m: float
+    sd_m: float
 
 
 class Installed(NamedTuple):
@@ -106,6 +115,11 @@ class MoveLog:
         self._count += 1
         return True
 
+    @property
+    def last_heading_rad(self) -> float:
+        """The agent's heading at the end of the last move; 0 before any."""
+        return float(self._values[self._count - 1, HEADING]) if self._count else 0.0
+
     def until(self, time_ns: int) -> Moves:
         """Return the moves that ended by ``time_ns``, without copying them."""
         count = int(np.searchsorted(self._times[: self._count, 0], time_ns, side="right"))
@@ -121,7 +135,10 @@ class MoveLog:
 
 @dataclass
 class ResponderLog:
-    """What has been heard of one responder."""
+    """What has been heard of one responder.
+
+    ``heard_ns`` is when they last sent anything, ``near_ns`` when a DAP last heard them near.
+    """
 
     starts: list[Start] = field(default_factory=list)
     moves: MoveLog = field(default_factory=MoveLog)
@@ -129,6 +146,9 @@ class ResponderLog:
     nears: list[Peak] = field(default_factory=list)
     contacts: list[Peak] = field(default_factory=list)
     fixes: list[Fix] = field(default_factory=list)
+    heights: list[Height] = field(default_factory=list)
+    heard_ns: int = 0
+    near_ns: int | None = None
 
     def starts_until(self, time_ns: int) -> list[Start]:
         """Return the starts that count by ``time_ns``: of several with no move between, the last.
@@ -161,6 +181,7 @@ class TeamLog:
     def __init__(self) -> None:
         self.responders: dict[str, ResponderLog] = {}
         self.daps: dict[str, list[Installed]] = {}
+        self.dap_heights: dict[str, list[Height]] = {}
 
     def of(self, responder_id: str) -> ResponderLog:
         """Return a responder's log, begun if need be."""
@@ -204,6 +225,18 @@ class TeamLog:
         if fix in fixes:
             return False
         insort(fixes, fix, key=lambda each: each[:2])
+        return True
+
+    def add_height(self, said: HeightFix) -> bool:
+        """Somebody says how high a responder or a DAP is."""
+        height = Height(said.event_time_ns, said.down_m, said.sd_m)
+        if said.node == "dap":
+            heights = self.dap_heights.setdefault(said.node_id, [])
+        else:
+            heights = self.of(said.node_id).heights
+        if height in heights:
+            return False
+        insort(heights, height)
         return True
 
     def add_dap(self, dap_id: str, said: DapInstallation) -> bool:

@@ -72,6 +72,11 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     restart_sd_m: Metres = 1.0
     restart_speed_m_s: Metres = 1.0
 
+    restart_climb_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.3
+    lost_climb_m: Metres = 0.2
+    start_height_sd_m: Metres = 0.2
+    passed_height_sd_m: Metres = 0.4
+
     install_sd_m: Metres = 0.3
     near_sd_m: Metres = 2.5
     sharpness: Sharpness = Sharpness()
@@ -88,5 +93,11 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     straight_least_m: Metres = 1.8
     straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985
     axis_from_turn_sd_rad: Radians = math.radians(40.0)
+
+    silence_s: Seconds = 20.0
+    silent_speed_m_s: Metres = 0.5
+    untied_s: Seconds = 90.0
+    lost_sd_m: Metres = 8.0
+    recovered_turn_sd_rad: Radians = math.radians(20.0)
 
     covariance_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0

@@ -29,7 +29,10 @@ class ChainSolution(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """The team as it was solved at ``time_ns``, at that cost, and what was believed of its axis."""
+    """The team as it was solved at ``time_ns``, at that cost, and what was believed of its axis.
+
+    ``storeys_m`` are the heights (m down) on which it had walked.
+    """
 
     time_ns: int
     chains: Mapping[str, ChainSolution]
@@ -37,9 +40,10 @@ class Solution(NamedTuple):
     axis_rad: float
     belief: AxisBelief
     cost: float
+    storeys_m: tuple[float, ...]
 
 
-NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf)
+NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf, ())
 
 
 def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
@@ -129,6 +133,7 @@ def solution_of(
     arrow: Floats,
     belief: AxisBelief,
     cost: float,
+    storeys_m: tuple[float, ...],
 ) -> Solution:
     """Return what was solved, by time and name."""
     chains = {}
@@ -143,7 +148,7 @@ def solution_of(
     for place, place_id in enumerate(assembled.places):
         column = assembled.place_column(place)
         places[place_id] = (float(arrow[column]), float(arrow[column + 1]))
-    return Solution(time_ns, chains, places, float(arrow[0]), belief, cost)
+    return Solution(time_ns, chains, places, float(arrow[0]), belief, cost, storeys_m)
 
 
 def turned(

@@ -49,9 +49,11 @@ class Solved(NamedTuple):
         """Whether there is a solution at all."""
         return math.isfinite(self.cost) and bool(np.isfinite(self.pose).all())
 
-    def solution(self, time_ns: int) -> Solution:
-        """Return it by time and name."""
-        return solution_of(time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost)
+    def solution(self, time_ns: int, storeys_m: tuple[float, ...]) -> Solution:
+        """Return it by time and name, with the storeys walked on."""
+        return solution_of(
+            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost, storeys_m
+        )
 
 
 def solve(

@@ -1,0 +1,189 @@
+"""From a solved team to what is told of each responder: where, how surely, and why (pure)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from command_post.fusion.team.arithmetic import sine_cosine
+from command_post.fusion.team.chain import Chain
+from command_post.fusion.team.height_assembly import Heights
+from command_post.fusion.team.heights import storey_shares
+from command_post.fusion.team.log import (
+    DOWN,
+    DOWN_M2,
+    EAST,
+    NORTH,
+    Floats,
+    Moves,
+    ResponderLog,
+)
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.solving import Solved
+from command_post.fusion.track import MOST_COORDINATE_M, MOST_COVARIANCE_M2, Estimate
+from shared.maths.angles import wrap_rad
+from shared.messages import FloorShare, TrackStatus
+from shared.units import NS_PER_S
+
+END_OF_TIME_NS = 2**63 - 1
+UNIFORM_TURN_RAD2 = math.pi**2 / 3.0
+MOST_FLOORS = 8
+LEAST_FLOOR_SHARE = 1e-3
+
+
+class Pose(NamedTuple):
+    """A responder as the last tick had them, at their last stance by then.
+
+    ``covariance`` as ``smooth`` gives a node's; ``down`` is height and variance (m, m²). The chain
+    goes on in ``unit`` since ``unit_ns``; ``tied_ns`` is when something last tied them down.
+    """
+
+    time_ns: int
+    north_m: float
+    east_m: float
+    turn_rad: float
+    scale: float
+    covariance: tuple[float, float, float, float, float, float]
+    down: tuple[float, float]
+    unit: int
+    unit_ns: int
+    tied_ns: int
+
+
+def pose_of(solved: Solved, heights: Heights, index: int) -> Pose:
+    """Return the last pose of the chain at ``index``."""
+    chain = solved.assembled.chains[index]
+    first, end = solved.assembled.graph.first[index : index + 2].tolist()
+    unit = int(chain.unit[-1])
+    north_m, east_m, turn_rad = solved.pose[end - 1].tolist()
+    nn, ne, ee, tt, nt, et = solved.ends[index].tolist()
+    return Pose(
+        int(chain.time_ns[-1]), north_m, east_m, turn_rad,
+        float(solved.arrow[1 + 2 * (solved.assembled.unit_first[index] + unit)]),
+        (nn, ne, ee, tt, nt, et),
+        (float(heights.node_m[end - 1]), float(heights.node_m2[end - 1])),
+        unit, chain.starts[unit].time_ns,
+        _tied_ns(solved, chain, index, first, end),
+    )  # fmt: skip
+
+
+def _tied_ns(solved: Solved, chain: Chain, index: int, first: int, end: int) -> int:
+    graph = solved.assembled.graph
+    tied = [graph.tie_at[:, 0], graph.fix_at]
+    nodes = [int(at[(at >= first) & (at < end)].max(initial=first)) for at in tied]
+    return int(chain.time_ns[solved.assembled.nodes[index][max(nodes) - first]])
+
+
+def first_pose(log: ResponderLog, settings: TeamSettings) -> Pose:
+    """Return where one is put of whom there is no solution yet."""
+    starts = log.starts_until(END_OF_TIME_NS)
+    start = starts[-1]
+    place = next((each.position for each in reversed(starts) if each.position), None)
+    north_m, east_m, down_m = (
+        (place.north_m, place.east_m, place.down_m) if place else (0.0, 0.0, 0.0)
+    )
+    sd_m = settings.start_sd_m if place else settings.entrance_sd_m
+    turn_rad2 = min(start.heading_sd_rad, math.pi) ** 2
+    return Pose(
+        start.time_ns, north_m, east_m, 0.0, 0.0, (sd_m**2, 0.0, sd_m**2, turn_rad2, 0.0, 0.0),
+        (down_m, settings.start_height_sd_m**2), 0, start.time_ns, start.time_ns,
+    )  # fmt: skip
+
+
+def estimate_of(
+    pose: Pose, log: ResponderLog, now_ns: int, storeys_m: Floats, settings: TeamSettings
+) -> Estimate:
+    """Return where a responder is, from the last tick's pose and the moves since.
+
+    Nobody knows where one went of whom nothing has been heard: what they may have walked in the
+    time until ``now_ns`` is in the covariance.
+    """
+    since = log.moves.after(pose.time_ns)
+    dn, de = _way_since(pose, since)
+    time_ns = int(since.end_ns[-1]) if since.end_ns.size else pose.time_ns
+    silent_s = max(now_ns - max(time_ns, log.heard_ns), 0) / NS_PER_S - settings.silence_s
+    unheard_m2 = (settings.silent_speed_m_s * max(silent_s, 0.0)) ** 2
+    nn, ne, ee, turn_rad2 = _covariance(pose, since, dn, de, unheard_m2, settings)
+    down_m = pose.down[0] + math.fsum(since.values[:, DOWN].tolist())
+    down_m2 = pose.down[1] + max(math.fsum(since.values[:, DOWN_M2].tolist()), 0.0)
+    down_sd_m = math.sqrt(max(down_m2, 0.0))
+    status, reason = _status(pose, time_ns, silent_s, (nn, ne, ee), turn_rad2, settings)
+    last = log.moves.last_heading_rad
+    return Estimate(
+        time_ns=max(time_ns, now_ns),
+        north_m=_within(pose.north_m + dn, MOST_COORDINATE_M),
+        east_m=_within(pose.east_m + de, MOST_COORDINATE_M),
+        down_m=_within(down_m, MOST_COORDINATE_M),
+        covariance_m2=(
+            _within(nn, MOST_COVARIANCE_M2),
+            _within(ne, MOST_COVARIANCE_M2),
+            _within(ee, MOST_COVARIANCE_M2),
+        ),
+        heading_rad=wrap_rad(last + pose.turn_rad),
+        heading_sd_rad=math.sqrt(turn_rad2),
+        last_proximity_time_ns=log.near_ns,
+        down_sd_m=_within(down_sd_m, MOST_COORDINATE_M),
+        floors=tuple(
+            FloorShare(level_m, share)
+            for level_m, share in storey_shares(down_m, down_sd_m, storeys_m)[:MOST_FLOORS]
+            if share >= LEAST_FLOOR_SHARE
+        ),
+        status=status,
+        reason=reason,
+    )
+
+
+def _way_since(pose: Pose, since: Moves) -> tuple[float, float]:
+    north = math.fsum(since.values[:, NORTH].tolist()) * (1.0 + pose.scale)
+    east = math.fsum(since.values[:, EAST].tolist()) * (1.0 + pose.scale)
+    sine, cosine = sine_cosine(pose.turn_rad)
+    return cosine * north - sine * east, sine * north + cosine * east
+
+
+def _covariance(
+    pose: Pose, since: Moves, dn: float, de: float, unheard_m2: float, settings: TeamSettings
+) -> tuple[float, float, float, float]:
+    """Return nn, ne, ee and the turn's variance at the end of the way since the pose."""
+    nn, ne, ee, tt, nt, et = pose.covariance
+    tt = min(max(tt, 0.0), UNIFORM_TURN_RAD2)
+    own_m2 = unheard_m2 + math.fsum(
+        (settings.stride_sd_m + settings.stride_sd_share * math.sqrt(n * n + e * e)) ** 2
+        for n, e in since.values[:, [NORTH, EAST]].tolist()
+    )
+    factor = settings.covariance_factor
+    turn_rad2 = tt + since.end_ns.size * settings.stride_turn_sd_rad**2
+    return (
+        factor * (nn - 2.0 * de * nt + de * de * tt + own_m2),
+        factor * (ne + dn * nt - de * et - dn * de * tt),
+        factor * (ee + 2.0 * dn * et + dn * dn * tt + own_m2),
+        min(turn_rad2, UNIFORM_TURN_RAD2),
+    )
+
+
+def _status(
+    pose: Pose,
+    time_ns: int,
+    silent_s: float,
+    covariance_m2: tuple[float, float, float],
+    turn_rad2: float,
+    settings: TeamSettings,
+) -> tuple[TrackStatus, str]:
+    """Return how a track is doing, and why in words where it is not ``tracking``."""
+    nn, _, ee = covariance_m2
+    sd_m = math.sqrt(max(nn, ee, 0.0))
+    untied_s = (time_ns - pose.tied_ns) / NS_PER_S
+    if silent_s > 0.0:
+        return "lost", f"nothing heard for {silent_s + settings.silence_s:.0f} s"
+    if pose.unit > 0 and math.sqrt(turn_rad2) > settings.recovered_turn_sd_rad:
+        since_s = (time_ns - pose.unit_ns) / NS_PER_S
+        return "recovering", f"the unit began anew {since_s:.0f} s ago; which way is not yet known"
+    if sd_m > settings.lost_sd_m:
+        why = "heading not known" if turn_rad2 > 1.0 else f"nothing passed for {untied_s:.0f} s"
+        return "lost", f"{why}: may be {2.0 * sd_m:.0f} m off"
+    if untied_s > settings.untied_s:
+        return "dead_reckoning", f"no DAP or crew passed for {untied_s:.0f} s"
+    return "tracking", ""
+
+
+def _within(value: float, bound: float) -> float:
+    return min(max(value, -bound), bound)

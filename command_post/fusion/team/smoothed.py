@@ -1,0 +1,67 @@
+"""Everybody's whole way, stance by stance, from a solved team (pure)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from command_post.fusion.interface import SmoothedTrack
+from command_post.fusion.team.arithmetic import sine_cosine
+from command_post.fusion.team.chain import Chain
+from command_post.fusion.team.elimination import EVERY_NODE
+from command_post.fusion.team.height_assembly import Heights
+from command_post.fusion.team.log import Floats, Ints
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.smoother import smooth
+from command_post.fusion.team.solving import Solved
+from shared.units import NS_PER_S
+
+
+def smoothed_tracks(
+    solved: Solved, heights: Heights, settings: TeamSettings
+) -> dict[str, SmoothedTrack]:
+    """Return the ways of a solution, with covariances.
+
+    Between two nodes a way goes as the unit said, turned by the mean of their turns; what is then
+    missing to the next node is shared out evenly.
+    """
+    graph, pose, arrow = solved.assembled.graph, solved.pose.copy(), solved.arrow.copy()
+    _, _, covariance, _ = smooth(
+        graph, pose, arrow, settings.commit_iterations, settings.settled_m, EVERY_NODE
+    )
+    tracks = {}
+    for index, chain in enumerate(solved.assembled.chains):
+        nodes = solved.assembled.nodes[index]
+        first = int(graph.first[index])
+        own = slice(first, first + len(nodes))
+        scale = arrow[1 + 2 * (solved.assembled.unit_first[index] + chain.unit)]
+        place_m, share, before, after = _ways(chain, nodes, pose[own], scale)
+        spread = (1.0 - share) * covariance[own, :3][before] + share * covariance[own, :3][after]
+        off_m = heights.node_m[own] - chain.rise[nodes, 0]
+        down_m = chain.rise[:, 0] + np.interp(np.arange(chain.time_ns.size), nodes, off_m)
+        tracks[chain.responder_id] = SmoothedTrack(
+            chain.time_ns / NS_PER_S,
+            np.column_stack([place_m, down_m]),
+            spread * settings.covariance_factor,
+        )
+    return tracks
+
+
+def _ways(
+    chain: Chain, nodes: Ints, poses: Floats, scale: Floats
+) -> tuple[Floats, Floats, Ints, Ints]:
+    """Return places (k, 2) of all stances, and how far each is between which nodes (by index)."""
+    stance = np.arange(chain.time_ns.size)
+    before = np.maximum(np.searchsorted(nodes, stance, side="left") - 1, 0)
+    after = np.minimum(before + 1, len(nodes) - 1)
+    one, other = nodes[before], nodes[after]
+    turn_rad = 0.5 * (poses[before, 2] + poses[after, 2])
+    place_m = poses[before, :2] + _turned(turn_rad, scale, chain.way_m - chain.way_m[one])
+    there_m = poses[before, :2] + _turned(turn_rad, scale, chain.way_m[other] - chain.way_m[one])
+    share = ((stance - one) / np.maximum(other - one, 1))[:, None]
+    return place_m + share * (poses[after, :2] - there_m), share, before, after
+
+
+def _turned(turn_rad: Floats, scale: Floats, way_m: Floats) -> Floats:
+    sine, cosine = np.array([sine_cosine(turn) for turn in turn_rad.tolist()]).T
+    north, east = way_m.T * (1.0 + scale)
+    return np.column_stack([cosine * north - sine * east, sine * north + cosine * east])
