@@ -7,6 +7,7 @@ from cyclopts import App
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, rehearse
 from command_post.commands.orders import click, floor
+from command_post.commands.proof import proof
 from command_post.commands.scoring import replay, score_file
 from shared.command_line import run_command_line
 
@@ -26,6 +27,7 @@ app.command(replay)
 app.command(score_file, name="score")
 app.command(rehearse)
 app.command(montecarlo)
+app.command(proof)
 
 
 def main() -> None:

@@ -15,6 +15,7 @@ from shared.command_line import run_command_line
 COMMANDS = {
     "run": "edge_agent.commands.follow:run",
     "rehearse": "edge_agent.commands.rehearse:rehearse",
+    "retrace": "edge_agent.commands.retrace:retrace",
     "prepare": "edge_agent.commands.prepare:prepare",
     "evaluate": "edge_agent.commands.evaluate:evaluate",
 }

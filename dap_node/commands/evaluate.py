@@ -18,17 +18,12 @@ from dap_node.evaluation import LinkTrial, ProximityScore, score, try_dap
 from dap_node.peak_score import BIN_DB, FALSE_M, STRONG_DBM, PeakScore, score_peaks
 from dap_node.settings import DapSettings
 from dap_node.true_range import PASS_M
-from dap_node.walk_by import (
-    PathLoss,
-    calibration_db,
-    path_loss,
-    read_walk_by,
-    try_receivers,
-)
+from dap_node.walk_by import try_receivers
 from shared.config import load_toml
 from shared.exercise import seeds_in
 from shared.process import ExitCode
 from shared.simulation.scenario import load_scenario
+from shared.walk_by import PathLoss, calibration_db, path_loss, read_walk_by
 
 Job = TypeVar("Job")
 

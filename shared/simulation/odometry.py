@@ -89,6 +89,17 @@ def simulate_odometry(
         yield from _strides(walk, counted, drift, first_off_rad, settings, fault, chance)
 
 
+def odometry_of(
+    walk: Walk, settings: OdometrySettings, heading_sd_rad: float, chance: np.random.Generator
+) -> Iterator[Stride]:
+    """Yield the strides that a unit counts of ``walk``, heading known to ``heading_sd_rad``."""
+    missed = chance.random(len(walk.gaits)) < settings.missed
+    drift = _drawn_drift(settings, walk, missed, chance)
+    off_rad = _heading_error(heading_sd_rad, chance)
+    counted = np.flatnonzero(~missed)
+    yield from _strides(walk, counted, drift, off_rad, settings, UnitFault(), chance)
+
+
 def _drawn_drift(
     settings: OdometrySettings, walk: Walk, missed: NDArray[np.bool_], chance: np.random.Generator
 ) -> _Drift:

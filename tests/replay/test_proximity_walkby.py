@@ -17,8 +17,9 @@ from dap_node.peak_score import score_peaks
 from dap_node.proximity import ProximitySettings
 from dap_node.settings import DapSettings
 from dap_node.true_range import PASS_M
-from dap_node.walk_by import WalkBy, calibration_db, path_loss, read_walk_by, try_receivers
+from dap_node.walk_by import try_receivers
 from shared.rssi_peaks import PeakSettings
+from shared.walk_by import WalkBy, calibration_db, path_loss, read_walk_by
 
 BEACON = DapSettings(
     proximity=ProximitySettings(

@@ -12,9 +12,10 @@ from structlog.testing import capture_logs
 
 from dap_node.__main__ import app
 from dap_node.settings import DapSettings
-from dap_node.walk_by import calibration_db, path_loss, read_walk_by, try_receivers
+from dap_node.walk_by import try_receivers
 from shared.npz_file import NpzFileError
 from shared.process import ExitCode
+from shared.walk_by import calibration_db, path_loss, read_walk_by
 
 RECEIVERS_M = np.array([[0.0, 0.5, 1.0], [20.0, 0.5, 1.0]])
 

@@ -1,0 +1,1 @@
+"""Real recordings through the fusion: strides of real boots, readings of real radio."""
