@@ -64,7 +64,16 @@ def predict(s: StateRecord, p: ParametersRecord, m: int, rate: NDArray[np.float6
         for j in range(3):
             row[4 + 3 * c + j] = -dt * axis[j]
     propagate_covariance(s.covariance, row)
-    add_process_noise(s.covariance, row, force, rate, now, p)
+    add_process_noise(s.covariance, row, force, rate, now, before, p)
+
+
+@compiled
+def innovation(s: StateRecord, roll: NDArray[np.float64], variance: float) -> float:
+    """Squared Mahalanobis distance of the filter's velocity from that of a foot at stance."""
+    residual = np.empty(3)
+    for c in range(3):
+        residual[c] = s.rolling_height_m * roll[c] - s.velocity_m_s[c]
+    return velocity_innovation(s.covariance, variance, residual)
 
 
 @compiled
@@ -74,7 +83,8 @@ def believes_still(
     """Whether a slot's class of stillness is believed.
 
     A foot swung at a constant velocity is still to the sensors; only the filter's own velocity can
-    tell. Time-outs keep a filter gone astray from refusing every stance that would help it.
+    tell. Time-outs keep a filter gone astray from refusing every stance that would help it; that
+    of the weaker class waits for a slow swing, which lasts for long, to have gone its way.
     """
     if kind == MOVING:
         return False
@@ -82,13 +92,12 @@ def believes_still(
     speed = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
     if speed < p.gate_speed_m_s:
         return True
-    residual = np.empty(3)
-    for c in range(3):
-        residual[c] = s.rolling_height_m * roll[c] - v[c]
-    excess = velocity_innovation(s.covariance, variance, residual) / p.gate_innovation
+    excess = innovation(s, roll, variance) / p.gate_innovation
     if excess < 1.0:
         return True
-    timeout = p.gate_strong_timeout_s if kind == STRONG else p.gate_deep_timeout_s
+    timeout = p.gate_strong_timeout_s
+    if kind != STRONG:
+        timeout = max(p.gate_deep_timeout_s, p.gate_deep_way_m / s.peak_speed_m_s)
     if s.since_update_s <= timeout:
         return False
     widen_covariance(s.covariance, min(excess, p.widest))
@@ -242,6 +251,8 @@ def filter_slot(s: StateRecord, p: ParametersRecord, m: int) -> bool:
         kind = MOVING
     still = believes_still(s, p, kind, roll, variance)
     if still:
+        if s.since_update_s > p.swing_s:
+            s.swing_innovation = max(s.swing_innovation, innovation(s, roll, variance) / 3.0)
         allow_for_lift(s, p, m, row[3])
         update(s, p, m, roll, variance * p.reference_period_s / row[0])
         s.since_update_s = 0.0

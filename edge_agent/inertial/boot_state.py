@@ -42,6 +42,7 @@ STATE = np.dtype(
         ("covariance", "f8", (STATES, STATES)),
         ("peak_speed_m_s", "f8"),
         ("since_update_s", "f8"),
+        ("swing_innovation", "f8"),
         ("corrected_down_m_s", "f8"),  # by updates since the last stride's end
         # slots: newest sample, newest statistic, end of the last smoothed stretch, its anchor
         ("head", "i8"),

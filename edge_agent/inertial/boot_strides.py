@@ -74,7 +74,8 @@ def close_stride(
     s.anchor_quat_wxyz[:] = end
     o.peak_speed_m_s, o.rolling_height_m = peak_speed_m_s, s.rolling_height_m
     o.statistic = s.statistic[anchor & mask]
-    write_increment_covariance(s.covariance, o.covariance, p, o.displacement_m, o.peak_speed_m_s)
+    write_increment_covariance(s.covariance, o.covariance, p, s.swing_innovation)
+    s.swing_innovation = 0.0
     corrected_m = s.corrected_down_m_s * 1e-9 * (o.end_ns - o.start_ns)
     o.covariance[2, 2] += p.down_placement_sd_m**2 + (p.down_correction_share * corrected_m) ** 2
     s.corrected_down_m_s = 0.0
@@ -97,20 +98,21 @@ def write_increment_covariance(
     covariance: NDArray[np.float64],
     out: NDArray[np.float64],
     p: ParametersRecord,
-    displacement_m: NDArray[np.float64],
-    peak_speed_m_s: float,
+    swing_innovation: float,
 ) -> None:
     """Write the increment's 4×4 into ``out``; reset position, clone the heading anew.
 
-    Beyond the filter's own, a foot is set down on a place that is not a point, and what scale,
-    alignment and delay of a sensor do wrong grows with stride and speed. Both were set so that
-    the 95 % ellipse holds 95 % of the strides in every gait. Height errs otherwise: most where a
-    boot that slowly rose or sank was taken for standing, which shows in how much of its vertical
-    speed was corrected away (:func:`close_stride` adds that).
+    The filter's own covariance is widened by what its velocity was found off by when the swing
+    ended, ``swing_innovation``: the mean square of that over what the filter had expected. So a
+    stride over which a sensor did worse than any noise it is known for is told as less sure. And
+    a foot is set down on a place that is not a point. All was set so that the 95 % ellipse holds
+    95 % of the strides in every gait. Height errs otherwise: most where a boot that slowly rose or
+    sank was taken for standing, which shows in how much of its vertical speed was corrected away
+    (:func:`close_stride` adds that).
     """
     known = covariance[START_HEADING, START_HEADING]
-    length = math.sqrt(displacement_m[0] ** 2 + displacement_m[1] ** 2 + displacement_m[2] ** 2)
-    extra = p.placement_sd_m**2 + (p.stride_sd_share_per_m_s * length * peak_speed_m_s) ** 2
+    surprise = p.innovation_covariance_factor * min(swing_innovation, p.largest_innovation)
+    factor = p.increment_covariance_factor + surprise
     for i in range(4):
         a = i if i < 3 else HEADING
         for j in range(4):
@@ -118,10 +120,10 @@ def write_increment_covariance(
             out[i, j] = covariance[a, b]
             if known > 0.0:
                 out[i, j] -= covariance[a, START_HEADING] * covariance[b, START_HEADING] / known
-            out[i, j] *= p.increment_covariance_factor
+            out[i, j] *= factor
         if i < 2:
-            out[i, i] += extra
-    lessened = math.sqrt(p.down_covariance_factor / p.increment_covariance_factor)
+            out[i, i] += p.placement_sd_m**2
+    lessened = math.sqrt(p.down_covariance_factor / factor)
     for i in range(4):
         out[2, i] *= lessened
         out[i, 2] *= lessened

@@ -49,6 +49,7 @@ class EskfParameters(NamedTuple):
     gate_speed_m_s: float = 0.25
     gate_strong_timeout_s: float = 1.0  # a crawling boot slides evenly for longer than half that
     gate_deep_timeout_s: float = 0.7
+    gate_deep_way_m: float = 3.0
 
     widest: float = 100.0
 
@@ -57,7 +58,8 @@ class EskfParameters(NamedTuple):
     force_sd_m_s2: float = 0.15
     force_sd_share: float = 0.03
     rate_sd_rad_s: float = math.radians(1.0)
-    rate_sd_share: float = 0.02
+    rate_sd_share: float = 0.015
+    lost_turn_share: float = 0.15
     force_bias_walk: float = 1e-3
     rate_bias_walk: float = 1e-4
 
@@ -95,9 +97,11 @@ class EskfParameters(NamedTuple):
     moving_rate_rad_s: float = 0.5
 
     # What a published increment's covariance says beyond the filter's own.
-    increment_covariance_factor: float = 2.0
-    placement_sd_m: float = 0.02
-    stride_sd_share_per_m_s: float = 0.0055
+    swing_s: float = 0.15
+    increment_covariance_factor: float = 1.15
+    innovation_covariance_factor: float = 0.6
+    largest_innovation: float = 10.0
+    placement_sd_m: float = 0.022
     down_covariance_factor: float = 0.35
     down_placement_sd_m: float = 0.01
     down_correction_share: float = 0.7

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge_agent.inertial.eskf_parameters import ParametersRecord
-from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, RESTORED
+from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, RATE, RESTORED
 from shared.compiled import compiled
 
 STATES = 17
@@ -119,11 +119,20 @@ def velocity_innovation(covariance: Array, variance: float, residual: Array) -> 
 
 @compiled
 def add_process_noise(
-    covariance: Array, transition: Array, force: Array, rate: Array, row: Array, p: ParametersRecord
+    covariance: Array,
+    transition: Array,
+    force: Array,
+    rate: Array,
+    row: Array,
+    before: Array,
+    p: ParametersRecord,
 ) -> None:
     """Add Q of one sample: noise grows with motion, with what a sensor clipped and with a gap.
 
-    ``force`` and ``rate`` are bias-free, in body axes; ``row`` is the sample's row of the ring.
+    It also grows with how far the rate leaps from sample to sample: under a hard heel the boot
+    rings faster than it is sampled, and part of the turn between two samples is lost. ``force``
+    and ``rate`` are bias-free, in body axes; ``row`` and ``before`` are the rows of the ring of
+    this sample and of the one before.
     """
     dt = transition[0]
     scale = p.reference_period_s * dt
@@ -134,9 +143,14 @@ def add_process_noise(
     if row[BRIDGED] > 0.0:
         force_sd = max(force_sd, row[DOUBT] * p.bridged_force_sd_m_s2)
         rate_sd = max(rate_sd, row[DOUBT] * p.bridged_rate_sd_rad_s)
+    leap = 0.0
+    for c in range(RATE, RATE + 3):
+        leap += (row[c] - before[c]) ** 2
+    lost = p.lost_turn_share * dt
+    turn_variance = rate_sd * rate_sd * scale + lost * lost * leap
     for c in range(3):
         covariance[3 + c, 3 + c] += force_sd * force_sd * scale
-        covariance[6 + c, 6 + c] += rate_sd * rate_sd * scale
+        covariance[6 + c, 6 + c] += turn_variance
         covariance[9 + c, 9 + c] += p.force_bias_walk * p.force_bias_walk * dt
         covariance[12 + c, 12 + c] += p.rate_bias_walk * p.rate_bias_walk * dt
         doubt = p.peak_doubt * row[RESTORED + c]

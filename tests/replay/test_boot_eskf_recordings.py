@@ -49,13 +49,50 @@ BOUNDS = {
         "heading_drift_deg_min": (3.0, 28.0),
         "false_stances_pct": (1.0, 1.0),
     },
-    "foot_strides/fast": {"distance_error_pct": (0.5, 1.6), "stride_rmse_m": (0.033, 0.07)},
-    "foot_strides/run": {"distance_error_pct": (0.9, 1.6), "ate_pct": (2.0, 7.0)},
-    "foot_vicon/walk": {"distance_error_pct": (1.2, 2.1), "stride_rmse_m": (0.026, 0.12)},
-    "foot_vicon/slow": {"distance_error_pct": (1.1, 3.3), "stride_rmse_m": (0.02, 0.05)},
-    "foot_vicon/run": {"distance_error_pct": (2.0, 2.3), "stride_rmse_m": (0.08, 0.13)},
+    "foot_strides/fast": {
+        "distance_error_pct": (0.5, 1.2),
+        "stride_rmse_m": (0.033, 0.07),
+        "false_stances_pct": (0.5, 1.0),
+    },
+    "foot_strides/run": {
+        "distance_error_pct": (0.9, 1.4),
+        "ate_pct": (2.0, 6.5),
+        "missed_stances_pct": (3.0, 4.0),
+        "false_stances_pct": (0.5, 1.0),
+    },
+    "foot_vicon/walk": {
+        "distance_error_pct": (1.2, 2.1),
+        "stride_rmse_m": (0.023, 0.035),
+        "missed_stances_pct": (0.5, 1.0),
+        "false_stances_pct": (0.5, 1.0),
+    },
+    "foot_vicon/slow": {
+        "distance_error_pct": (1.1, 3.3),
+        "stride_rmse_m": (0.02, 0.05),
+        "false_stances_pct": (0.5, 1.0),
+    },
+    "foot_vicon/run": {
+        "distance_error_pct": (2.0, 2.3),
+        "stride_rmse_m": (0.05, 0.06),
+        "missed_stances_pct": (0.5, 1.0),
+        "false_stances_pct": (0.5, 1.0),
+    },
 }
 """By set and metric: the most that the median and the 90th percentile may be."""
+
+COVERED = {
+    "foot_strides/walk": (92.0, 97.0),
+    "foot_strides/fast": (94.0, 98.0),
+    "foot_strides/run": (93.0, 97.5),
+    "foot_vicon/walk": (95.0, 99.5),
+    "foot_vicon/slow": (92.0, 98.0),
+    "foot_vicon/run": (95.0, 99.5),
+}
+"""By set: between what the share of strides inside their 95 % ellipse must lie, in the mean.
+
+The ruler of ``foot_strides`` measures a point of the foot some 8 cm off the sensor, which a foot
+that turns swings about; motion capture follows the sensor itself. No one ellipse is 95 % to both.
+"""
 
 
 @pytest.mark.parametrize("name", BOUNDS)
@@ -67,6 +104,14 @@ def test_errors_stay_within_bounds(card: ScoreCard, name: str) -> None:
         assert isinstance(summary, Summary)
         assert summary.median <= median, f"{name}: median {metric}"
         assert summary.p90 <= p90, f"{name}: 90th percentile of {metric}"
+
+
+@pytest.mark.parametrize("name", COVERED)
+def test_strides_are_as_sure_as_they_say(card: ScoreCard, name: str) -> None:
+    least_pct, most_pct = COVERED[name]
+    summary = card.sets[name]["coverage95_pct"]
+    assert isinstance(summary, Summary)
+    assert least_pct <= summary.mean <= most_pct
 
 
 def outside_a_gap(sample: ImuSample) -> bool:
