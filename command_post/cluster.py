@@ -10,6 +10,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 
 CONNECT_S = 10
+LEAVE_S = 1.0
 
 
 class ClusterError(RuntimeError):
@@ -34,7 +35,7 @@ def cluster(address: str) -> Iterator[Executor]:
             f"no Dask scheduler at {address} ({error}); start one, or give its address, "
             "as in tcp://10.0.0.1:8786"
         ) from error
-    with client:
+    try:
         executor: Executor = client.get_executor(pure=False)
         try:
             yield executor
@@ -42,3 +43,5 @@ def cluster(address: str) -> Iterator[Executor]:
             executor.shutdown(wait=False)
             raise
         executor.shutdown()
+    finally:
+        client.close(timeout=LEAVE_S)

@@ -23,13 +23,17 @@ from command_post.cluster import cluster
 from command_post.evaluation.errors import RunErrors, measure
 from command_post.incident import IncidentSettings
 from command_post.rehearsal import Agents, Fused, fuse_logs, rehearse_nodes
+from shared.exercise import OdometrySource
 from shared.process import ExitCode, end_with_parent
 from shared.simulation.scenario import load_scenario
 
 Floats: TypeAlias = NDArray[np.float64]
 
-SEEDS_A_CHUNK = 5
-"""The nodes' programs start once for this many runs."""
+MOST_A_CHUNK: dict[OdometrySource, int] = {"imu": 5, "strides": 20}
+"""The nodes' programs start once for so many runs at most: beside strides that is what costs."""
+CHUNKS_A_WORKER = 2
+CLUSTER_WORKERS = 16
+"""A cluster is taken to be as large as this, for it may grow."""
 
 
 class Exercise(NamedTuple):
@@ -57,7 +61,9 @@ def run_many(
     on who does. Raises ``RehearsalError``, and ``cluster.ClusterError``.
     """
     seeds = range(first_seed, first_seed + runs)
-    chunks = [seeds[k : k + SEEDS_A_CHUNK] for k in range(0, runs, SEEDS_A_CHUNK)]
+    share = runs // (CHUNKS_A_WORKER * (workers if address is None else CLUSTER_WORKERS))
+    size = max(1, min(share, MOST_A_CHUNK[exercise.agents.odometry]))
+    chunks = [seeds[k : k + size] for k in range(0, runs, size)]
     if address is None:
         with _processes(workers) as pool:
             yield from pool.map(partial(_run_or_leave, exercise), chunks)
