@@ -113,6 +113,27 @@ def test_a_unit_that_begins_anew_goes_on_from_where_it_was() -> None:
     assert estimate.heading_sd_rad > 1.0
 
 
+def test_who_knows_no_heading_is_on_a_ring_until_a_dap_tells() -> None:
+    tracker = TeamTracker(TeamSettings(axis=False))
+    tracker.install("dap1", installation(0.0, None, (0.0, 24.0)))
+    tracker.start("r1", track_start(0.0, heading_sd_rad=3.2))
+    for k in range(20):
+        tracker.move("r1", stride(2.0 + 1.1 * k, 1.2, 0.0, sequence=k))
+    ring = tracker.estimates["r1"]
+    assert ring.status == "lost"
+    assert "heading not known" in ring.reason
+    assert len(ring.regions_m) == 1
+    outline = np.array(ring.regions_m[0])
+    assert np.hypot(*outline.T).max() == pytest.approx(24.0, abs=4.0)
+    tracker.peak("dap1", peak_at(22.9, "r1"))
+    for k in range(20, 25):
+        tracker.move("r1", stride(2.0 + 1.1 * k, 1.2, 0.0, sequence=k))
+    found = tracker.estimates["r1"]
+    assert (found.north_m, found.east_m) == pytest.approx((0.0, 30.0), abs=1.5)
+    assert found.status == "tracking"
+    assert found.regions_m == ()
+
+
 def test_a_commanders_word_pulls_a_track() -> None:
     tracker = TeamTracker(TeamSettings())
     tracker.start("r1", track_start(0.0, heading_sd_rad=0.5))

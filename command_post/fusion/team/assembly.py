@@ -291,10 +291,12 @@ def _build(
     columns, columns_first, width = with_columns(first, move_at, tie_at, arrow_size)
     straight, straight_at = _straights(chains, nodes, belief, settings)
     turns = [
-        (node_of[index][0 if unit == 0 else int(chain.links[unit - 1])], start.heading_sd_rad)
+        (
+            node_of[index][0 if unit == 0 else int(chain.links[unit - 1])],
+            start.heading_sd_rad if turn_known(start) else UNKNOWN_TURN_SD_RAD,
+        )
         for index, chain in enumerate(chains)
         for unit, start in enumerate(chain.starts)
-        if turn_known(start)
     ]
     graph = Graph(
         first, columns, columns_first, width, move, move_at,

@@ -88,6 +88,7 @@ class MoveLog:
     def __init__(self) -> None:
         self._times = np.empty((64, 3), np.int64)
         self._values = np.empty((64, 7))
+        self._messages: list[OdometryIncrement] = []
         self._count = 0
 
     def __len__(self) -> int:
@@ -106,6 +107,7 @@ class MoveLog:
             return False
         for table in (self._times, self._values):
             table[at + 1 : self._count + 1] = table[at : self._count].copy()
+        self._messages.insert(at, increment)
         self._times[at] = increment.event_time_ns, increment.start_time_ns, increment.sequence
         nn, ee, dd, hh = (increment.covariance[entry] for entry in (0, 4, 7, 9))
         self._values[at] = (
@@ -125,6 +127,14 @@ class MoveLog:
         count = int(np.searchsorted(self._times[: self._count, 0], time_ns, side="right"))
         end_ns, start_ns, sequence = self._times[:count].T
         return Moves(end_ns, start_ns, sequence, self._values[:count])
+
+    def messages_until(self, time_ns: int) -> list[OdometryIncrement]:
+        """Return the moves that ended by ``time_ns`` as they were told."""
+        return self._messages[: self.until(time_ns).end_ns.size]
+
+    def messages_after(self, time_ns: int) -> list[OdometryIncrement]:
+        """Return the moves that ended after ``time_ns`` as they were told."""
+        return self._messages[self.until(time_ns).end_ns.size :]
 
     def after(self, time_ns: int) -> Moves:
         """Return the moves that ended after ``time_ns``."""

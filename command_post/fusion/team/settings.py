@@ -94,6 +94,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985
     axis_from_turn_sd_rad: Radians = math.radians(40.0)
 
+    front_particles: Annotated[int, Meta(ge=64, le=100_000)] = 1024
     silence_s: Seconds = 20.0
     silent_speed_m_s: Metres = 0.5
     untied_s: Seconds = 90.0

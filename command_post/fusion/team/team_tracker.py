@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from command_post.fusion.cloud.cloud import Cloud
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Changes
 from command_post.fusion.team.dap_places import daps_of
@@ -25,6 +26,7 @@ from command_post.fusion.team.estimates import (
     first_pose,
     pose_of,
 )
+from command_post.fusion.team.front import cloud_before, told_by_cloud
 from command_post.fusion.team.height_assembly import Heights, solve_heights, walked_storeys
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -66,6 +68,7 @@ class TeamTracker:
         self._commits: list[Solution] = []
         self._solved_ns = -1
         self._poses: dict[str, Pose] = {}
+        self._clouds: dict[str, Cloud] = {}
         self._storeys_m = np.empty(0)
         self._estimates: dict[str, Estimate] = {}
         self._daps: dict[str, InstalledDap] = {}
@@ -231,6 +234,12 @@ class TeamTracker:
             self._storeys_m = np.array(self._commits[-1].storeys_m)
         for index, chain in enumerate(solved.assembled.chains):
             self._poses[chain.responder_id] = pose_of(solved, heights, index)
+            log = self._log.responders[chain.responder_id]
+            cloud = cloud_before(solved, index, log, time_ns, self._settings)
+            if cloud is None:
+                self._clouds.pop(chain.responder_id, None)
+            else:
+                self._clouds[chain.responder_id] = cloud
             estimate = self._estimate(chain.responder_id, time_ns)
             self._estimates[chain.responder_id] = estimate
             if time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
@@ -252,7 +261,13 @@ class TeamTracker:
         """Return where a responder is by ``now_ns``."""
         log = self._log.responders[responder_id]
         pose = self._poses.get(responder_id) or first_pose(log, self._settings)
-        return estimate_of(pose, log, now_ns, self._storeys_m, self._settings)
+        estimate = estimate_of(pose, log, now_ns, self._storeys_m, self._settings)
+        cloud = self._clouds.get(responder_id)
+        if cloud is None:
+            return estimate
+        since = log.moves.messages_after(pose.time_ns)
+        heading_rad = log.moves.last_heading_rad
+        return told_by_cloud(estimate, cloud, since, heading_rad, responder_id, self._settings)
 
 
 def _apart_m(one: LocalPosition, other: LocalPosition) -> float:

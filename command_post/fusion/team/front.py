@@ -1,0 +1,107 @@
+"""A cloud of particles in front of the smoother, for whom one Gaussian cannot tell (pure).
+
+While nobody knows which way a unit's frame is turned, its wearer may be anywhere on a ring about
+where they set out, and every DAP that they pass leaves but a few ways. The smoother, linear about
+one solution, cannot say that; particles can. Once the heading is known they are let go.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from command_post.fusion.cloud.chance import responder_stream, step_key
+from command_post.fusion.cloud.cloud import Cloud, Step, advance, moments, spawn
+from command_post.fusion.cloud.model import Mixture, Tie
+from command_post.fusion.cloud.regions import regions
+from command_post.fusion.team.chain import turn_known
+from command_post.fusion.team.log import ResponderLog
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.solving import Solved
+from command_post.fusion.track import Estimate
+from shared.maths.angles import wrap_rad
+from shared.messages import OdometryIncrement
+
+UNKNOWN_TURN_SD_RAD = 3.0
+SEED = 1
+KNOWN_PLACE_SD_M = 5.0
+
+
+def cloud_before(
+    solved: Solved, index: int, log: ResponderLog, until_ns: int, settings: TeamSettings
+) -> Cloud | None:
+    """Return the cloud of the chain at ``index`` at ``until_ns``; ``None`` if it needs none.
+
+    It is made anew from the start of the unit, so that it depends on what was heard alone.
+    """
+    chain = solved.assembled.chains[index]
+    unit = int(chain.unit[-1])
+    if turn_known(chain.starts[unit]) or (
+        solved.ends[index, 3] < settings.recovered_turn_sd_rad**2
+    ):
+        return None
+    begin_ns = chain.starts[unit].time_ns
+    stance = 0 if unit == 0 else int(chain.links[unit - 1])
+    nodes = solved.assembled.nodes[index]
+    node = int(solved.assembled.graph.first[index]) + int(np.searchsorted(nodes, stance))
+    place_m2 = settings.start_sd_m**2 if unit == 0 else 2.0 * float(chain.variance[stance, 0])
+    mean = np.array([[*solved.pose[node, :2], 0.0, 0.0]])
+    spread = np.diag([place_m2, place_m2, UNKNOWN_TURN_SD_RAD**2, settings.scale_sd**2])
+    stream = responder_stream(SEED, chain.responder_id)
+    cloud = spawn(
+        Mixture(np.ones(1), mean, spread[None]), settings.front_particles, step_key(stream, unit, 1)
+    )
+    ties = _ties(solved, index, begin_ns)
+    moves = [m for m in log.moves.messages_until(until_ns) if m.event_time_ns > begin_ns]
+    steps = [
+        Step(step_key(stream, m.event_time_ns), m, ties=ties.get(m.event_time_ns, ()))
+        for m in moves
+    ]
+    return advance(cloud, steps)[0] if steps else cloud
+
+
+def _ties(solved: Solved, index: int, since_ns: int) -> dict[int, list[Tie]]:
+    """Return the unit's passes of places that others have put on the map, by stance."""
+    assembled = solved.assembled
+    first, end = assembled.graph.first[index : index + 2].tolist()
+    chain, nodes = assembled.chains[index], assembled.nodes[index]
+    base = assembled.place_column(0)
+    found: dict[int, list[Tie]] = {}
+    for row, (node, column, _) in enumerate(assembled.graph.tie_at.tolist()):
+        place = (column - base) // 2
+        if not first <= node < end or assembled.installed_by[place] == index:
+            continue
+        time_ns = int(chain.time_ns[nodes[node - first]])
+        (nn, ne), (_, ee) = solved.shared[column : column + 2, column : column + 2].tolist()
+        if time_ns > since_ns and max(nn, ee) < KNOWN_PLACE_SD_M**2:
+            north_m, east_m, sd_m, dof = assembled.graph.tie[row].tolist()
+            at = solved.arrow[column : column + 2].tolist()
+            tie = Tie(at[0], at[1], (nn, ne, ee), sd_m, dof, (-north_m, -east_m))
+            found.setdefault(time_ns, []).append(tie)
+    return found
+
+
+def told_by_cloud(
+    estimate: Estimate, cloud: Cloud, since: Sequence[OdometryIncrement], heading_rad: float,
+    responder_id: str, settings: TeamSettings,
+) -> Estimate:  # fmt: skip
+    """Return the estimate as the cloud has it, ``since`` being the moves after it was made."""
+    stream = responder_stream(SEED, responder_id)
+    if since:
+        steps = [Step(step_key(stream, each.event_time_ns), each) for each in since]
+        cloud = advance(cloud, steps)[0]
+    told = moments(cloud)
+    sd_m = math.sqrt(max(told.covariance_m2[0], told.covariance_m2[2]))
+    if sd_m > settings.lost_sd_m and estimate.status in {"tracking", "dead_reckoning"}:
+        reason = f"heading not known: may be {2.0 * sd_m:.0f} m off"
+        estimate = estimate._replace(status="lost", reason=reason)
+    return estimate._replace(
+        north_m=told.north_m,
+        east_m=told.east_m,
+        covariance_m2=told.covariance_m2,
+        heading_rad=wrap_rad(heading_rad + told.offset_rad),
+        heading_sd_rad=told.offset_sd_rad,
+        regions_m=regions(cloud, told),
+    )
