@@ -29,7 +29,8 @@ class AlarmSettings(NamedTuple):
 
     Moving is a rate above ``moving_rad_s``, or specific force averaged over ``quick_s`` that is
     ``moving_m_s2`` off its average over ``slow_s``, for ``moving_s`` in all. Breathing moves a
-    boot by a tenth of either, and lone spikes are over sooner.
+    boot by a tenth of either, and lone spikes are over sooner. Up to ``lift_m_s2`` along gravity
+    are a lift's, which stirs nobody in it: who lies still there is as still as anywhere.
     """
 
     pre_alarm_s: float = 20.0
@@ -37,6 +38,7 @@ class AlarmSettings(NamedTuple):
     moving_rad_s: float = 0.15
     moving_m_s2: float = 0.6
     moving_s: float = 0.1
+    lift_m_s2: float = 2.0
     quick_s: float = 0.1
     slow_s: float = 3.0
     gap_s: float = 0.5
@@ -144,6 +146,7 @@ class _Stillness:
 
     def __init__(self, settings: AlarmSettings) -> None:
         self._moving_rad2_s2, self._moving_m2_s4 = settings.moving_rad_s**2, settings.moving_m_s2**2
+        self._lift_m2_s4 = settings.lift_m_s2**2
         self._moving_s, self._gap_s = settings.moving_s, settings.gap_s
         self._quick_s, self._slow_s = settings.quick_s, settings.slow_s
         self.newest_ns = -1
@@ -208,7 +211,10 @@ class _Stillness:
         self.newest_ns, self._backward = now_ns, 0
 
     def _average(self, force_m_s2: Vector3, since_s: float) -> float:
-        """Follow specific force quickly and slowly; return the square of how far these differ."""
+        """Follow specific force quickly and slowly; return the square of how far these differ.
+
+        What a lift may do to that, along the slow one, is left out.
+        """
         a, b = since_s / self._quick_s, since_s / self._slow_s
         if a > 1.0:
             a, b = 1.0, min(1.0, b)
@@ -223,7 +229,11 @@ class _Stillness:
         w += b * (fz - w)
         self.quick_force_m_s2, self.force_m_s2 = (x, y, z), (u, v, w)
         x, y, z = x - u, y - v, z - w
-        return x * x + y * y + z * z
+        off_m2_s4 = x * x + y * y + z * z
+        if off_m2_s4 <= self._moving_m2_s4:
+            return off_m2_s4
+        along_m2_s4 = (x * u + y * v + z * w) ** 2 / (u * u + v * v + w * w or math.inf)
+        return off_m2_s4 - (along_m2_s4 if along_m2_s4 <= self._lift_m2_s4 else 0.0)
 
 
 class _FallSigns:

@@ -39,7 +39,11 @@ _HEADINGS = {
 }
 
 
-_DEGRADED_HEADINGS = {"distance_error_pct": "distance %", "end_error_pct": "end %"}
+_DEGRADED_HEADINGS = {
+    "distance_error_pct": "distance %",
+    "end_error_pct": "end %",
+    "vertical_end_error_m": "height end m",
+}
 
 
 def print_tables(card: ScoreCard, title: str) -> None:

@@ -193,6 +193,7 @@ DEGRADATIONS: dict[str, Degradation] = {
     "clock +0.5 %": Degradation(lambda recording, _: recording, clock_rate=1.005),
     "noise 0.1 m/s², 0.5 °/s": Degradation(noisy),
     "5 % lost at random": Degradation(partial(thinned, lost_share=0.05)),
+    "without barometer": _sure(partial(replace, pressure_pa=None)),
     "0.2 s lost every 10 s": _sure(partial(interrupted, gap_s=0.2, every_s=10.0)),
 }
 """By the name that tables give it. Gyro bias is on each axis."""

@@ -42,6 +42,8 @@ class ActivitySettings(NamedTuple):
 
     lost_sd_m: float = 0.5
     longest_stride_s: float = 3.0
+    carried_m: float = 0.1
+    carried_width_m: float = 0.15
     toes_deg: float = 40.0
     toes_width_deg: float = 20.0
     in_place_m: float = 0.2
@@ -78,7 +80,10 @@ class ActivityEstimate(NamedTuple):
 
 
 class _Stride(NamedTuple):
-    """What the rules look at. ``start`` and ``end`` are unit vectors of gravity in sensor axes."""
+    """What the rules look at, ``up_m`` without what a lift carried.
+
+    ``start`` and ``end`` are unit vectors of gravity in sensor axes.
+    """
 
     level_m: float
     up_m: float
@@ -126,6 +131,10 @@ class ActivityClassifier:
         covariance = increment.covariance
         if covariance[0] + covariance[4] > settings.lost_sd_m**2:
             return ActivityEstimate("unknown", 0.0, "the boot's way is lost")
+        if abs(increment.carried_down_m) >= settings.carried_m and stride is not None:
+            lifted = self._lift(stride, -increment.carried_down_m)
+            if lifted is not None:
+                return lifted
         if stride is None or stride.cycle_s > settings.longest_stride_s:
             return ActivityEstimate("unknown", 0.0, "no single stride")
         self._learn(stride)
@@ -155,7 +164,7 @@ class ActivityClassifier:
         facing_rad = increment.heading_rad - 0.5 * increment.d_heading_rad
         return _Stride(
             math.hypot(north_m, east_m),
-            -down_m,
+            increment.carried_down_m - down_m,
             self._cycle_s(start_ns, end_ns),
             wrap_rad(math.atan2(east_m, north_m) - facing_rad),
             math.degrees(math.sqrt(peak_rad2_s2)),
@@ -195,6 +204,15 @@ class ActivityClassifier:
             or self._drag(stride)
             or self._pace(stride)
         )
+
+    def _lift(self, stride: _Stride, carried_m: float) -> ActivityEstimate | None:
+        """Name a lift, unless the wearer goes about in it."""
+        settings = self._settings
+        if math.hypot(stride.level_m, stride.up_m) >= settings.in_place_m:
+            return None
+        sure = confidence_of(abs(carried_m) - settings.carried_m, settings.carried_width_m)
+        way = "up" if carried_m > 0.0 else "down"
+        return ActivityEstimate("lift", sure, f"carried {way} {abs(carried_m):.2f} m")
 
     def _posture(self, stride: _Stride) -> ActivityEstimate | None:
         settings, flat = self._settings, self._flat or stride.start

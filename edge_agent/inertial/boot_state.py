@@ -122,7 +122,8 @@ class Stride(NamedTuple):
     numbers are zero. ``covariance`` (4×4) is of (north, east, down, heading) given the heading at
     the start, m², m·rad, rad². ``highest_m`` and ``lowest_m`` are of the foot's path above where
     the stride began. ``statistic`` is the stance's; ``rolling_height_m`` the wearer's. ``path``
-    has one point a sample, from zero to the displacement.
+    has one point a sample, from zero to the displacement. ``carried_down_m``, of the displacement,
+    was a lift's.
     """
 
     kind: int
@@ -138,6 +139,7 @@ class Stride(NamedTuple):
     statistic: float
     rolling_height_m: float
     path: StridePath
+    carried_down_m: float = 0.0
 
 
 def blank_state() -> State:

@@ -18,8 +18,10 @@ from edge_agent.inertial.boot_state import LOST, STANDING, Stride
 from edge_agent.inertial.boot_tracker import BootTracker
 from edge_agent.inertial.eskf_parameters import CAPACITY, EskfParameters
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD, Heading, MagneticHeading
+from edge_agent.inertial.height_filter import HeightFilter
 from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.inertial.stride_error import (
+    STILL_SD_M,
     Covariance4,
     heading_variance,
     lost_covariance,
@@ -48,7 +50,8 @@ class EskfBootMount:
     Samples repeated, late, missing or out of range are put right by the tracker, as far as they
     can be. *Standing* tells nothing: what the boot turned or trembled meanwhile is in the next
     increment. *Lost*, over a gap that cannot be bridged or where the filter went astray: the
-    increment has no displacement but the covariance of a walk whose direction is not known.
+    increment has no displacement but the covariance of a walk whose direction is not known. With a
+    barometer, height is weighed against it, and *standing* in a lift is told about every second.
     """
 
     def __init__(self, parameters: EskfParameters | None = None) -> None:
@@ -66,6 +69,7 @@ class EskfBootMount:
         self._stood_m: Vector3 = (0.0, 0.0, 0.0)
         self._stood_rad2 = 0.0
         self._done: deque[Increment] = deque()
+        self._height = HeightFilter()
 
     @property
     def ready(self) -> bool:
@@ -87,6 +91,7 @@ class EskfBootMount:
     def step(self, sample: ImuSample) -> Increment | None:
         """Take in the next sample; return the movement that it completes, if it does."""
         self._face()
+        self._height.take(sample)
         self._follow(self._tracker.step(sample))
         if self._start is None:
             self._ask_compass(sample)
@@ -98,7 +103,8 @@ class EskfBootMount:
         samples = samples.in_rows()
         row = 0
         while row < len(samples):
-            if self._start is None and samples.field_ut is not None:
+            compass_asked = self._start is None and samples.field_ut is not None
+            if compass_asked or samples.pressure_pa is not None:
                 increment = self.step(samples.sample(row))
                 told += [] if increment is None else [increment]
                 row += 1
@@ -126,7 +132,7 @@ class EskfBootMount:
     def _follow(self, strides: Sequence[Stride]) -> None:
         """Tell strides, or keep them; and what was amiss with the samples."""
         for stride in strides:
-            self._take_stride(stride)
+            self._take_stride(self._height.correct(stride))
         counts = self._tracker.counts
         if counts is self._counted:
             return
@@ -155,7 +161,7 @@ class EskfBootMount:
     def _take_stride(self, stride: Stride) -> None:
         """Tell a stride, or keep what is too little to tell."""
         if self._start is None:
-            if stride.kind == STANDING:
+            if stride.kind == STANDING and not stride.carried_down_m:
                 return
             self._set_off(stride)
         if stride.kind == LOST:
@@ -164,6 +170,9 @@ class EskfBootMount:
         north_m, east_m, down_m = self._stood_m
         d_north_m, d_east_m, d_down_m = stride.displacement_m
         moved_m = (north_m + d_north_m, east_m + d_east_m, down_m + d_down_m)
+        if stride.kind == STANDING and stride.carried_down_m:
+            self._done.append(self._carried(stride))
+            return
         if stride.kind == STANDING and math.hypot(*moved_m) < SHUFFLED_M:
             self._stood_m = moved_m
             self._stood_rad2 += stride.covariance[3][3]
@@ -183,7 +192,24 @@ class EskfBootMount:
         elapsed_s = max((stride.end_ns - stride.start_ns) / NS_PER_S, SHORTEST_LOST_S)
         variance_rad2 = heading_variance(elapsed_s, elapsed_s, bias_known=True)
         covariance = lost_covariance(elapsed_s, variance_rad2)
-        return self._told(stride, (0.0, 0.0, 0.0), covariance, ())
+        if stride.covariance[2][2] > 0.0:  # The barometer did not lose it.
+            covariance = (*covariance[:7], stride.covariance[2][2], *covariance[8:])
+        return self._told(stride, stride.displacement_m, covariance, ())
+
+    def _carried(self, stride: Stride) -> Increment:
+        """Tell what a lift carried; where the boot stood and trembled is kept for later."""
+        north_m, east_m, stood_down_m = self._stood_m
+        down_m = stood_down_m + stride.displacement_m[2]
+        path_m = np.zeros_like(stride.path.position_m)
+        path_m[:, 2] = stood_down_m + stride.path.position_m[:, 2]
+        still_m2, turned_rad2 = STILL_SD_M**2, self._stood_rad2 + stride.covariance[3][3]
+        covariance = (
+            still_m2, 0.0, 0.0, 0.0, still_m2, 0.0, 0.0, stride.covariance[2][2], 0.0, turned_rad2,
+        )  # fmt: skip
+        path = StridePath(stride.path.time_ns, path_m)
+        told = self._told(stride, (0.0, 0.0, down_m), covariance, path)
+        self._stood_m = (north_m, east_m, 0.0)
+        return told
 
     def _moved(self, stride: Stride) -> Increment:
         c, s = math.cos(self._frame_turn_rad), math.sin(self._frame_turn_rad)
@@ -212,6 +238,7 @@ class EskfBootMount:
             self._heading_rad,
             covariance,
             path,
+            stride.carried_down_m,
         )
 
 

@@ -20,7 +20,8 @@ class Increment(NamedTuple):
     start, and until the next increment starts, the wearer stands. ``heading_rad`` is how they face
     at the end, ``d_heading_rad`` how far they turned since the last increment's end, standing
     included. ``path`` is the way between, point by point from the start, for whoever scores it;
-    empty where the displacement is not known.
+    empty where the displacement is not known. ``carried_down_m``, of the displacement, was a
+    lift's.
     """
 
     start_time_ns: int
@@ -30,6 +31,7 @@ class Increment(NamedTuple):
     heading_rad: float
     covariance: Covariance4
     path: Sequence[PathPoint]
+    carried_down_m: float = 0.0
 
 
 @dataclass

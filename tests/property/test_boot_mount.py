@@ -24,6 +24,7 @@ steps_ns = st.one_of(
     st.sampled_from([10_000_000, 10_000_000, 10_000_000, 0, -10_000_000, 60_000_000]),
     st.integers(-(10**12), 10**12),
 )
+pressures = st.none() | st.floats() | st.floats(25_000.0, 125_000.0)
 
 
 @st.composite
@@ -32,10 +33,11 @@ def streams(draw: st.DrawFn) -> list[ImuSample]:
     time_ns, samples = 10**15, []
     for _ in range(draw(st.integers(1, 8))):
         force, rate, field = draw(vectors), draw(vectors), draw(st.none() | vectors)
-        step_ns = draw(steps_ns)
-        for _ in range(draw(st.sampled_from([1, 3, 30, 150]))):
+        step_ns, pressure_pa = draw(steps_ns), draw(pressures)
+        for index in range(draw(st.sampled_from([1, 3, 30, 150]))):
             time_ns += step_ns
-            samples.append(ImuSample(max(0, time_ns), force, rate, field))
+            weighs_pa = None if pressure_pa is None else pressure_pa - 5.0 * index
+            samples.append(ImuSample(max(0, time_ns), force, rate, field, weighs_pa))
     return samples
 
 

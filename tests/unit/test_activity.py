@@ -33,6 +33,7 @@ NAMES: dict[Gait, Activity] = {
     "stairs_up": "stairs_up",
     "stairs_down": "stairs_down",
     "ladder": "ladder",
+    "lift": "lift",
 }
 LOST: Covariance4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 KNOWN: Covariance4 = (1e-4, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -55,7 +56,7 @@ def middle_s(increment: Increment) -> float:
     return (increment.start_time_ns + increment.end_time_ns) / 2 / NS_PER_S
 
 
-@pytest.mark.parametrize("scenario", ["course", "stairwell"])
+@pytest.mark.parametrize("scenario", ["course", "stairwell", "tower"])
 def test_simulated_gaits_are_told_apart(scenario: str) -> None:
     exercise = load_scenario(scenario)
     right: dict[Gait, list[bool]] = defaultdict(list)

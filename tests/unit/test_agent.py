@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from types import FrameType
 
 import msgspec
@@ -32,9 +32,14 @@ from shared.messages import (
     OdometryIncrement,
     TrackStart,
     Truth,
+    Vector3,
 )
 from shared.process import ExitCode
 from shared.sender import Sender
+from shared.simulation.barometer import BarometerSettings
+from shared.simulation.boot_imu import simulate_boot_imu
+from shared.simulation.scenario import Move, Ride, Stand
+from tests.simulated_walks import lone_walk
 from tests.synthetic_boot import SyntheticWalk
 
 CORRIDOR = "corridor"
@@ -268,3 +273,44 @@ def test_a_point_that_is_none_is_refused(text: str) -> None:
         code = app(command, exit_on_error=False, result_action="return_value")
     assert code == ExitCode.USAGE
     assert logs
+
+
+def test_a_ride_is_told_as_it_is_and_replays_alike(heard: list[Received]) -> None:
+    """Live, and from the samples as recorded: floors by the barometer, the lift by its name."""
+    ride = (Stand(8.0), Ride("third"), Move("walk", ((4.0, 0.0),)))
+    scenario = msgspec.structs.replace(
+        lone_walk(*ride, floor="first"), barometer=BarometerSettings(fans_per_min=0.0)
+    )
+    live = list(simulate_boot_imu(scenario, "r1", seed=6).samples(10**18))
+
+    def told(samples: Iterable[ImuSample]) -> list[Message]:
+        heard.clear()
+        network = MemoryNetwork()
+        network.connect().subscribe("clew/**", heard.append)
+        sender = Sender(network.connect(), "fire", "responder", "r1")
+        agent = Agent(sender, make_mount("boot", "eskf"), "eskf", None)
+        for sample in samples:
+            agent.take(sample)
+        agent.finish()
+        return list(messages(heard))
+
+    said = told(live)
+    recorded = [sample for m in said if isinstance(m, ImuBatch) for sample in samples_of(m)]
+    assert recorded == live
+    assert told(recorded) == said
+    increments = [m for m in said if isinstance(m, OdometryIncrement)]
+    lifted = [m for m in increments if m.activity == "lift"]
+    assert len(lifted) >= 4
+    assert all((m.d_north_m, m.d_east_m) == (0.0, 0.0) for m in lifted)
+    assert -sum(m.d_down_m for m in increments) == pytest.approx(6.6, rel=0.12)
+
+
+def samples_of(batch: ImuBatch) -> Iterator[ImuSample]:
+    pressures_pa = dict(zip(batch.pressure_rows, batch.pressure_pa, strict=True))
+    forces, rates, fields = map(threes, (batch.force_m_s2, batch.rate_rad_s, batch.field_ut))
+    for row, time_ns in enumerate(batch.time_ns):
+        yield ImuSample(time_ns, forces[row], rates[row], fields[row], pressures_pa.get(row))
+
+
+def threes(flat: tuple[float, ...]) -> list[Vector3]:
+    return list(zip(flat[0::3], flat[1::3], flat[2::3], strict=True))

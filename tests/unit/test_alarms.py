@@ -171,3 +171,23 @@ def test_no_real_recording_raises_one(data_dir: Path) -> None:
             if index == 0:
                 watch.flat = sample.force_m_s2
             assert watch.take_sample(sample) == [], path.name
+
+
+@pytest.mark.parametrize("push_m_s2", [1.0, -1.5])
+def test_a_lift_stirs_nobody_who_lies_still_in_it(push_m_s2: float) -> None:
+    """Off at 12 s, there at 24 s, off again with the alarm on: the clock of PASS runs on."""
+    forces = [
+        (0.0, 12.0, 0.0), (12.0, 13.5, push_m_s2), (13.5, 24.0, 0.0), (24.0, 25.5, -push_m_s2),
+        (25.5, 40.0, 0.0), (40.0, 41.5, push_m_s2), (41.5, 50.0, 0.0),
+    ]  # fmt: skip
+    parts = [standing(a, b, (0.0, 0.0, -9.81 - push)) for a, b, push in forces]
+    assert when(told(*parts)) == [
+        ("motionless", "pre_alarm", 20.0),
+        ("motionless", "alarm", 30.0),
+    ]
+
+
+def test_a_push_that_no_lift_gives_is_motion() -> None:
+    for force_m_s2 in ((1.0, 0.0, -9.81), (0.0, 0.0, -13.0)):
+        events = told(standing(0.0, 25.0), standing(25.0, 26.0, force_m_s2), standing(26.0, 40.0))
+        assert [event.phase for event in events] == ["pre_alarm", "cancelled"]

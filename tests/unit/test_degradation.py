@@ -35,7 +35,8 @@ def recording(rate_hz: float = 200.0, duration_s: float = 30.0) -> Recording:
     count = round(duration_s * rate_hz)
     time_ns = 3 * NS_PER_S + np.rint(np.arange(count) / rate_hz * NS_PER_S).astype(np.int64)
     wave = np.sin(2.0 * np.arange(count)[:, None] / rate_hz + np.array([0.0, 1.0, 2.0]))
-    return Recording(time_ns, 5.0 + wave, 2.0 * wave, 40.0 + wave)
+    pressure_pa = np.where(np.arange(count) % 8 == 0, 1e5 + wave[:, 0], np.nan)
+    return Recording(time_ns, 5.0 + wave, 2.0 * wave, 40.0 + wave, pressure_pa)
 
 
 def chance() -> np.random.Generator:
@@ -170,10 +171,11 @@ def test_a_wrong_clock_is_wrong_for_samples_and_truth_alike() -> None:
 def test_the_same_chance_gives_the_same_and_the_recording_is_left_alone(name: str) -> None:
     read, untouched = recording(), recording()
     worse, again = (DEGRADATIONS[name].apply(read, None, chance())[0] for _ in range(2))
-    for array in ("time_ns", "force_m_s2", "rate_rad_s", "field_ut"):
-        np.testing.assert_array_equal(getattr(worse, array), getattr(again, array))
+    for array in ("time_ns", "force_m_s2", "rate_rad_s", "field_ut", "pressure_pa"):
         np.testing.assert_array_equal(getattr(read, array), getattr(untouched, array))
-        assert len(getattr(worse, array)) == len(worse)
+        if getattr(worse, array) is not None:
+            np.testing.assert_array_equal(getattr(worse, array), getattr(again, array))
+            assert len(getattr(worse, array)) == len(worse)
 
 
 @pytest.mark.parametrize("name", DEGRADATIONS)
@@ -187,4 +189,5 @@ def test_each_degradation_degrades(name: str) -> None:
         np.array_equal(worse.time_ns, hard.time_ns)
         and np.array_equal(worse.force_m_s2, hard.force_m_s2)
         and np.array_equal(worse.rate_rad_s, hard.rate_rad_s)
+        and worse.pressure_pa is not None
     )
