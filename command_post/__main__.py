@@ -8,6 +8,7 @@ from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, rehearse
 from command_post.commands.orders import click, floor
 from command_post.commands.proof import proof
+from command_post.commands.prepare import prepare
 from command_post.commands.scoring import replay, score_file
 from shared.command_line import run_command_line
 
@@ -28,6 +29,7 @@ app.command(score_file, name="score")
 app.command(rehearse)
 app.command(montecarlo)
 app.command(proof)
+app.command(prepare)
 
 
 def main() -> None:

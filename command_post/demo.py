@@ -26,8 +26,8 @@ from shared.units import NS_PER_S
 INCIDENT = "demo"
 POST_ID = "post"
 LAUNCHER_ID = "launcher"
-PREPARATION = "agents.prepare"
-"""A name that no node can have."""
+PREPARATIONS = ("agents.prepare", "post.prepare")
+"""Names that no node can have."""
 
 PREPARED_SOON_S = 3.0
 READY_TIMEOUT_S = 90.0
@@ -119,17 +119,19 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
 def _prepare(
     settings: DemoSettings, children: Children, stop: Event, say: Callable[[str], None]
 ) -> bool:
-    """Build the agents' machine code once, that they may not all do it at the same time."""
+    """Build the agents' machine code and the post's once, before anybody waits for it."""
     method = () if settings.method is None else ("--method", settings.method)
-    children.start(PREPARATION, "edge_agent", ("prepare", "--with-parent", *method))
+    agents, post = PREPARATIONS
+    children.start(agents, "edge_agent", ("prepare", "--with-parent", *method))
+    children.start(post, "command_post", ("prepare", "--with-parent"))
     if stop.wait(PREPARED_SOON_S):
         return False
-    if PREPARATION in children.running():
+    if children.running():
         say("building machine code, once after an installation")
-    while PREPARATION in children.running():
+    while children.running():
         if stop.wait(POLL_S):
             return False
-    _check(children, [PREPARATION])
+    _check(children, PREPARATIONS)
     return True
 
 

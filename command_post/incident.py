@@ -15,12 +15,11 @@ import msgspec
 
 from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
-from command_post.fusion.interface import Afterwards, Fusion
+from command_post.fusion.interface import Afterwards
+from command_post.fusion.methods import make_fusion
 from command_post.fusion.settings import FusionSettings
-from command_post.fusion.team.team_tracker import TeamTracker
 from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
 from command_post.fusion.track import Estimate
-from command_post.fusion.tracker import Tracker
 from command_post.senders import Senders
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
@@ -135,11 +134,7 @@ class Incident:
         self._senders = Senders(round(settings.time_line.hold_s * NS_PER_S))
         self._dating = Dating(self._senders)
         self._time_line = TimeLine(settings.time_line)
-        self._tracker: Fusion = (
-            TeamTracker(settings.fusion.team)
-            if settings.fusion.method == "team"
-            else Tracker(settings.fusion)
-        )
+        self._tracker = make_fusion(settings.fusion)
         self._sequences: Counter[str] = Counter()
 
     @property

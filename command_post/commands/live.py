@@ -15,6 +15,7 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.live import Live
 
+from command_post.commands.prepare import make_ready
 from command_post.commands.scoring import read_evidence, show_score
 from command_post.demo import DemoError, DemoSettings, run_demo
 from command_post.evaluation.errors import measure
@@ -91,6 +92,7 @@ def run(
             time_line=checked(TimeLineSettings(hold_s=hold_s)),
             fusion=checked(FusionSettings(seed=seed, particles=particles)),
         )
+        make_ready(settings.fusion)
         with stop_on_signals() as stop, open_zenoh("router", listen=[listen]) as bus:
             if with_parent:
                 stop_with_parent(stop)

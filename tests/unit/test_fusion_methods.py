@@ -1,0 +1,25 @@
+"""Getting a way of fusing ready leaves nothing to be built."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import pytest
+
+from command_post.fusion.cloud import kernels
+from command_post.fusion.methods import make_fusion, prepare_fusion
+from command_post.fusion.settings import FusionMethod, FusionSettings
+from command_post.fusion.team import smoother
+
+
+@pytest.mark.parametrize("method", get_args(FusionMethod))
+def test_every_method_is_made_and_rehearsed(method: FusionMethod) -> None:
+    settings = FusionSettings(method=method)
+    prepare_fusion(settings)
+    assert not make_fusion(settings).estimates
+
+
+def test_the_team_is_ready_with_its_smoother_and_its_cloud() -> None:
+    prepare_fusion(FusionSettings(method="team"))
+    for kernel in (kernels.run_steps, kernels.spawn_particles, smoother.smooth):
+        assert kernel.signatures  # type: ignore[attr-defined]
