@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
 
@@ -21,5 +21,5 @@ def test_every_method_is_made_and_rehearsed(method: FusionMethod) -> None:
 
 def test_the_team_is_ready_with_its_smoother_and_its_cloud() -> None:
     prepare_fusion(FusionSettings(method="team"))
-    for kernel in (kernels.run_steps, kernels.spawn_particles, smoother.smooth):
-        assert kernel.signatures  # type: ignore[attr-defined]
+    needed: tuple[Any, ...] = (kernels.run_steps, kernels.spawn_particles, smoother.smooth)
+    assert all(kernel.signatures for kernel in needed)
