@@ -7,8 +7,8 @@ from cyclopts import App
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, rehearse
 from command_post.commands.orders import click, floor
-from command_post.commands.proof import proof
 from command_post.commands.prepare import prepare
+from command_post.commands.proof import proof
 from command_post.commands.scoring import replay, score_file
 from shared.command_line import run_command_line
 
