@@ -109,6 +109,13 @@ class Search(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
     detours: Share = 0.35
     returns: Share = 0.5
 
+    def __post_init__(self) -> None:
+        """Refuse bounds the wrong way round."""
+        for name in ("rooms", "points", "stand_s"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(f"{name}: {low} is more than {high}; give the lesser first")
+
 
 PlainLeg: TypeAlias = Stand | Move | Climb | Ride
 Leg: TypeAlias = Stand | Move | Climb | Ride | Go | Search
@@ -357,17 +364,31 @@ def _as_it_lies(scenario: Scenario) -> Scenario:
 
 
 def _out_of_place(scenario: Scenario) -> Iterator[str]:
-    """Say which floors and stairs the responders are sent to that the plan does not have."""
-    floors = [floor.name for floor in scenario.building.floors]
-    flights = [stairs.name for stairs in scenario.building.stairs]
+    """Say where the responders are sent that the plan does not have."""
     for responder_id, responder in scenario.responders.items():
         where = f"responders.{responder_id}"
-        if responder.floor not in floors:
-            yield f"{where}.floor: no {responder.floor!r} in the plan; use one of {floors}"
+        yield from _not_in(scenario.building, "floors", f"{where}.floor", responder.floor)
         for index, leg in enumerate(responder.route):
-            if isinstance(leg, Climb) and leg.stairs not in flights:
-                stairs = f"no {leg.stairs!r} in the plan; use one of {flights}"
-                yield f"{where}.route[{index}].stairs: {stairs}"
-            if isinstance(leg, Ride) and leg.to_floor not in floors:
-                floor = f"no {leg.to_floor!r} in the plan; use one of {floors}"
-                yield f"{where}.route[{index}].to_floor: {floor}"
+            for complaint in _leg_out_of_place(scenario.building, leg):
+                yield f"{where}.route[{index}].{complaint}"
+
+
+def _leg_out_of_place(plan: Plan, leg: Leg) -> Iterator[str]:
+    match leg:
+        case Climb():
+            yield from _not_in(plan, "stairs", "stairs", leg.stairs)
+        case Ride():
+            yield from _not_in(plan, "floors", "to_floor", leg.to_floor)
+        case Go() if leg.floor is not None:
+            yield from _not_in(plan, "floors", "floor", leg.floor)
+        case Search():
+            for floor in leg.floors:
+                yield from _not_in(plan, "floors", "floors", floor)
+    if isinstance(leg, Go | Search) and not plan.ways:
+        yield "do: the plan has no ways to go by; list some, or move from point to point"
+
+
+def _not_in(plan: Plan, kind: Literal["floors", "stairs"], key: str, name: str) -> Iterator[str]:
+    known = [each.name for each in getattr(plan, kind)]
+    if name not in known:
+        yield f"{key}: no {name!r} in the plan; use one of {known}"

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from shared.config import ConfigError
-from shared.simulation.scenario import SCENARIOS, Climb, load_scenario
+from shared.simulation.scenario import SCENARIOS, Climb, Move, Stand, load_scenario
 from shared.simulation.walker import simulate_walk
 from tests.simulated_walks import lone_walk
 
@@ -28,6 +29,15 @@ route = [
   { do = "move", gait = "walk", to_m = [[0, 10]] },
   { do = "stand", for_s = 5, installs = "dap2" },
 ]
+"""
+
+
+TEAM = """
+[teams.alpha]
+members = ["r2", "r1"]
+[teams.alpha.every]
+start_m = [0.0, 1.0]
+route = [{ do = "stand", for_s = 5 }]
 """
 
 
@@ -55,6 +65,23 @@ def test_packaged_scenarios_load_by_name_and_are_whole(path: Path) -> None:
             '{ do = "climb", stairs = "main" },\n{ do = "move"',
             r"responders.r1.route\[1\].stairs: no 'main'",
         ),
+        (
+            '{ do = "move"',
+            '{ do = "search", floors = ["attic"] },\n{ do = "move"',
+            r"responders.r1.route\[1\].floors: no 'attic'",
+        ),
+        (
+            '{ do = "move"',
+            '{ do = "go", to_m = [0, 9] },\n{ do = "move"',
+            r"route\[1\].do: the plan has no ways",
+        ),
+        (
+            '{ do = "move"',
+            '{ do = "search", rooms = [3, 2] },\n{ do = "move"',
+            "rooms: 3 is more than 2",
+        ),
+        ("[people.anna]", "[faults.r9]\nscale = 2.0\n[people.anna]", "faults.r9: nobody is called"),
+        ("[people.anna]", TEAM + "[people.anna]", "'r1' is there more than once"),
         ('gait = "walk"', 'gait = "hop"', "'hop'"),
         ("dap1", "r1", "'r1': a responder and a DAP have it"),
         ("dap1", "post", "'post': is the demo's own"),
@@ -88,3 +115,30 @@ def test_stairs_must_be_walked_to_before_they_are_climbed() -> None:
         simulate_walk(lone_walk(Climb("up")), "r1", seed=0)
     with pytest.raises(ValueError, match="no stairs 'side'"):
         simulate_walk(lone_walk(Climb("side")), "r1", seed=0)
+
+
+def test_a_team_goes_in_one_after_another_and_carries_its_own_daps(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    team = TEAM.replace('"r1"', '"r3"')
+    team = team.replace("[teams.alpha.every]", "stagger_s = 20\ndaps_each = 2\n"
+                        "leader_heading_sd_deg = 2\n[teams.alpha.every]\nstart_s = 60")  # fmt: skip
+    path.write_text(GOOD + team, encoding="utf-8")
+    scenario = load_scenario(str(path))
+    assert list(scenario.responders) == ["r1", "r2", "r3"]
+    first, second = scenario.responders["r2"], scenario.responders["r3"]
+    assert (first.start_s, second.start_s) == (60.0, 80.0)
+    assert (first.heading_sd_deg, second.heading_sd_deg) == (2.0, 30.0)
+    assert second.carries == ("r3-1", "r3-2")
+    assert set(scenario.daps) == {"dap1", "dap2", "r2-1", "r2-2", "r3-1", "r3-2"}
+    assert ("r3-2", "r3") in scenario.installations
+    path.write_text('description = ""\nplan = "hall"', encoding="utf-8")
+    with pytest.raises(ConfigError, match="nobody goes in"):
+        load_scenario(str(path))
+
+
+def test_who_waits_for_others_stands_until_then() -> None:
+    waiting = lone_walk(Move("walk", ((10.0, 0.0),)), Stand(2.0, until_s=60.0), Stand(5.0))
+    walk = simulate_walk(waiting, "r1", seed=0)
+    arrived = int(np.argmax(walk.body.position_m[:, 0] > 9.9))
+    assert walk.body.time_s[arrived] < 30.0
+    assert walk.body.time_s[-1] == pytest.approx(68.0)
