@@ -23,8 +23,8 @@ from command_post.cluster import cluster
 from command_post.evaluation.errors import RunErrors, measure
 from command_post.incident import IncidentSettings
 from command_post.rehearsal import Agents, Fused, fuse_logs, rehearse_nodes
-from shared.exercise import OdometrySource
 from shared.process import ExitCode, end_with_parent
+from shared.simulation.odometry_errors import OdometrySource
 from shared.simulation.scenario import load_scenario
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -62,7 +62,8 @@ def run_many(
     """
     seeds = range(first_seed, first_seed + runs)
     share = runs // (CHUNKS_A_WORKER * (workers if address is None else CLUSTER_WORKERS))
-    size = max(1, min(share, MOST_A_CHUNK[exercise.agents.odometry]))
+    source = exercise.agents.odometry or load_scenario(exercise.scenario_name).odometry.source
+    size = max(1, min(share, MOST_A_CHUNK[source]))
     chunks = [seeds[k : k + size] for k in range(0, runs, size)]
     if address is None:
         with _processes(workers) as pool:

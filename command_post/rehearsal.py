@@ -20,7 +20,7 @@ from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident
 from command_post.recording_file import RecordingFile
 from shared.bus.wire_log import WireFrame, read_wire_log
-from shared.exercise import OdometrySource
+from shared.simulation.odometry_errors import OdometrySource
 
 STOP_GRACE_S = 1.0
 """What a node's program in rehearsal was about to write is of no use to anybody."""
@@ -42,17 +42,18 @@ class Agents(NamedTuple):
 
     ``method`` is how they read their boots, ``None`` for the agents' own default; ``raw`` whether
     they, and the DAPs, publish the samples and readings that nothing is fused from. ``odometry`` is
-    whether boots are simulated, or the errors of strides alone.
+    whether boots are simulated, or the errors of strides alone; ``None`` as the scenario says.
     """
 
     method: str | None
     raw: bool
-    odometry: OdometrySource = "imu"
+    odometry: OdometrySource | None = None
 
     def options(self) -> tuple[str, ...]:
         """Return it as ``edge-agent``'s arguments."""
         method = () if self.method is None else ("--method", self.method)
-        return (*method, "--odometry", self.odometry, "--imu" if self.raw else "--no-imu")
+        odometry = () if self.odometry is None else ("--odometry", self.odometry)
+        return (*method, *odometry, "--imu" if self.raw else "--no-imu")
 
     def dap_options(self) -> tuple[str, ...]:
         """Return it as ``dap-node``'s arguments."""

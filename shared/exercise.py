@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from threading import Event
-from typing import Literal, TypeAlias
 
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
@@ -18,9 +17,6 @@ REHEARSAL_START_NS = 1_767_225_600 * NS_PER_S
 """When every rehearsal begins, so that it comes out the same each time: 2026-01-01 00:00 UTC."""
 
 REHEARSAL_INCIDENT = "rehearsal"
-
-OdometrySource: TypeAlias = Literal["imu", "strides"]
-"""Whether a rehearsal simulates the boots' sensors, or strides with their errors alone."""
 
 HEAR_S = 0.2
 ASK_TIMEOUT_S = 0.5

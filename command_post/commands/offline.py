@@ -24,8 +24,9 @@ from command_post.rehearsal import Agents, RehearsalError
 from command_post.rehearsal import rehearse as rehearse_scenario
 from command_post.score_table import pooled_table
 from shared.config import checked
-from shared.exercise import REHEARSAL_INCIDENT, OdometrySource
+from shared.exercise import REHEARSAL_INCIDENT
 from shared.process import ExitCode
+from shared.simulation.odometry_errors import OdometrySource
 from shared.simulation.scenario import load_scenario
 
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
@@ -40,7 +41,7 @@ def rehearse(
     output: Path,
     seed: Seed = 1,
     method: str | None = None,
-    odometry: OdometrySource = "imu",
+    odometry: OdometrySource | None = None,
     fusion: FusionMethod = "team",
     imu: bool = True,
     replace: bool = False,
@@ -60,7 +61,8 @@ def rehearse(
     method
         How the agents read their boots: eskf or linear; the agents' own default if not given.
     odometry
-        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
+        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides);
+        as the scenario says if not given.
     fusion
         The whole team smoothed together (team), or a particle filter for each (published).
     imu
@@ -90,7 +92,7 @@ def montecarlo(
     seed: Seed = 0,
     particles: int = 1000,
     method: str | None = None,
-    odometry: OdometrySource = "imu",
+    odometry: OdometrySource | None = None,
     fusion: FusionMethod = "team",
     workers: Positive = 2,
     dask: str | None = None,
@@ -114,7 +116,8 @@ def montecarlo(
     method
         How the agents read their boots: eskf or linear; the agents' own default if not given.
     odometry
-        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
+        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides);
+        as the scenario says if not given.
     fusion
         The whole team smoothed together (team), or a particle filter for each (published).
     workers

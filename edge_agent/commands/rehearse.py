@@ -19,10 +19,11 @@ from edge_agent.sources.recording import SourceError
 from shared.bus.wire_log import WireLogBus
 from shared.clock import ManualClock
 from shared.config import ConfigError
-from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, OdometrySource, seeds_in
+from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, seeds_in
 from shared.messages import NodeId
 from shared.process import ExitCode, end_with_parent
 from shared.sender import Sender
+from shared.simulation.odometry_errors import OdometrySource
 from shared.simulation.scenario import load_scenario
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -33,7 +34,7 @@ def rehearse(
     *,
     seeds: str = "1",
     method: MethodName = DEFAULT_METHOD,
-    odometry: OdometrySource = "imu",
+    odometry: OdometrySource | None = None,
     output: Path,
     imu: bool = True,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
@@ -52,7 +53,8 @@ def rehearse(
     method
         How the boot's sensor is read.
     odometry
-        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides).
+        Simulate the boots' sensors and read them (imu), or only the errors of strides (strides);
+        as the scenario says if not given.
     output
         Folder for the logs.
     imu
@@ -70,7 +72,7 @@ def rehearse(
         for seed, responder_id in track(
             jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
         ):
-            if odometry == "strides":
+            if (odometry or exercise.odometry.source) == "strides":
                 rehearse_strides(exercise, responder_id, seed, output / str(seed))
                 continue
             source = open_source(f"simulated:{scenario}", responder_id, seed)

@@ -6,7 +6,7 @@ of them.
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 from msgspec import Meta
@@ -16,9 +16,14 @@ Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 Degrees: TypeAlias = Annotated[float, Meta(ge=0.0, le=180.0)]
 
 
+OdometrySource: TypeAlias = Literal["imu", "strides"]
+"""Whether a rehearsal simulates the boots' sensors, or strides with their errors alone."""
+
+
 class OdometrySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Errors of strides, standard deviations, and what units say of them.
 
+    ``source`` is what a rehearsal simulates unless it is told otherwise.
     ``scale`` is a person's, for all of their strides. The heading drifts by ``rate_bias_deg_s``,
     which wanders by ``rate_walk_deg_s`` in a second; each stride adds ``heading_deg``, and one in
     ``strides_a_jump`` one of ``jump_deg``. A stride is off by ``place_m`` + ``place_per_m`` × its
@@ -29,6 +34,7 @@ class OdometrySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ``told_*`` is what units publish as standard deviations of a stride.
     """
 
+    source: OdometrySource = "imu"
     scale: Spread = 0.02
     rate_bias_deg_s: Spread = 0.05
     rate_walk_deg_s: Spread = 0.004

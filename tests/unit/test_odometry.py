@@ -14,8 +14,9 @@ from shared.simulation.scenario import Move, Scenario
 from shared.simulation.walker import simulate_walk
 from tests.simulated_walks import lone_walk
 
-NONE = OdometrySettings(
-    **dict.fromkeys(OdometrySettings.__struct_fields__, 0.0) | {"strides_a_jump": 1e9}
+ERRORS = [name for name in OdometrySettings.__struct_fields__ if name != "source"]
+NONE = msgspec.structs.replace(
+    OdometrySettings(), **dict.fromkeys(ERRORS, 0.0) | {"strides_a_jump": 1e9}
 )
 
 
