@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cyclopts import App
 
+from command_post.commands.afterwards import afterwards
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, rehearse
 from command_post.commands.orders import click, floor
@@ -26,6 +27,7 @@ app.command(click)
 app.command(floor)
 app.command(replay)
 app.command(score_file, name="score")
+app.command(afterwards)
 app.command(rehearse)
 app.command(montecarlo)
 app.command(proof)

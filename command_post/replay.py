@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from msgspec import structs
 
+from command_post.evidence import Evidence
 from command_post.recording import Incident
 from shared.codec import Refusal, decode, parse_key
 from shared.mcap_reader import ReadReport, read_recording
@@ -77,8 +78,10 @@ class ReplayReport:
         return "\n".join(lines)
 
 
-def replay(path: Path, incident: Incident) -> ReplayReport:
+def replay(path: Path, incident: Incident, made_now: Evidence | None = None) -> ReplayReport:
     """Let ``incident`` handle all that was received; compare what it makes with what was made.
+
+    ``made_now`` takes in what it makes.
 
     The post's clock reads what it read then, so nothing depends on how fast this runs. An
     incident that was not finished in the recording is not finished here. Raises
@@ -95,6 +98,8 @@ def replay(path: Path, incident: Incident) -> ReplayReport:
         comparison.begin_step()
         for made in incident.handle(key, payload, log_time_ns):
             comparison.add(_REPLAYED, made.key, made.payload)
+            if made_now is not None:
+                made_now.add_wire(made.key, made.payload)
     if recording.report.end_ns is not None:
         comparison.begin_step()
         for made in incident.finish(recording.report.end_ns):

@@ -12,11 +12,13 @@ from rich.console import Console
 from command_post.evaluation.errors import measure
 from command_post.evaluation.score_card import Score, score
 from command_post.evidence import Evidence
+from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.incident import Incident, IncidentSettings
 from command_post.picture import draw_tracks
 from command_post.replay import replay as replay_recording
 from command_post.score_table import score_table
-from shared.config import ConfigError
+from command_post.track_difference import differences
+from shared.config import ConfigError, load_toml
 from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode
 from shared.simulation.plan import Plan, load_plan
@@ -27,27 +29,37 @@ _log = structlog.stdlib.get_logger(__name__)
 def replay(
     file: Path,
     *,
+    fusion: FusionMethod | None = None,
+    settings: Path | None = None,
     json: bool = False,
 ) -> int:
     """Handle a recording once more, and compare what comes of it with what came of it then.
 
     Exits with 0 when every message is equal to the bit, with 1 when not, with 2 when the file
-    cannot be replayed. Example: command-post replay recordings/four_daps.mcap
+    cannot be replayed. With another fusion or other settings, it tells how far each responder's
+    track then is from the recorded one. Example: command-post replay recordings/four_daps.mcap
 
     Parameters
     ----------
     file
         A recording: .mcap, or the .mcap.part that a killed post leaves.
+    fusion
+        Fuse by this method instead: team or published.
+    settings
+        Fuse with the settings in this TOML file instead of the recorded ones.
     json
         Print the report as one JSON object.
 
     """
+    made = Evidence()
     try:
-        settings = _settings_of(file)
-        report = replay_recording(file, Incident(settings))
-    except RecordingError as error:
+        told_settings = _other_settings(_settings_of(file), fusion, settings)
+        report = replay_recording(file, Incident(told_settings), made)
+        recorded = read_evidence(file)
+    except (RecordingError, ConfigError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
+    apart = differences(recorded.tracks("live"), made.tracks("live"))
     if json:
         told = {
             "handled": report.handled,
@@ -58,10 +70,17 @@ def replay(
             "unconfirmed": report.unconfirmed,
             "identical": report.identical,
             "recording_complete": report.reading.complete,
+            "tracks": apart,
         }
         _print_json(told)
     else:
         Console().print(str(report), markup=False, highlight=False)
+        for name, each in ({} if report.identical else apart).items():
+            Console().print(
+                f"{name}: {each.median_m:.2f} m from the recorded track in the median, "
+                f"{each.p95_m:.2f} m at 95 %, {each.most_m:.2f} m at most",
+                highlight=False,
+            )
     return ExitCode.OK if report.identical else ExitCode.FAILURE
 
 
@@ -71,6 +90,15 @@ def _settings_of(file: Path) -> IncidentSettings:
         return IncidentSettings.from_metadata(metadata)
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from error
+
+
+def _other_settings(
+    recorded: IncidentSettings, method: FusionMethod | None, file: Path | None
+) -> IncidentSettings:
+    fusion = recorded.fusion if file is None else load_toml(file, FusionSettings)
+    if method is not None:
+        fusion = msgspec.structs.replace(fusion, method=method)
+    return msgspec.structs.replace(recorded, fusion=fusion)
 
 
 def score_file(

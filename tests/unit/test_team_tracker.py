@@ -79,6 +79,28 @@ def test_the_order_of_arrival_leaves_no_trace_to_the_bit() -> None:
     assert held_in_the_end(messages + messages[::3]) == in_order
 
 
+def test_saved_midway_and_loaded_it_goes_on_to_the_bit() -> None:
+    messages = heard(4)
+    middle = len(messages) // 2
+    whole, half = TeamTracker(TeamSettings()), TeamTracker(TeamSettings())
+    for node_id, message in messages[:middle]:
+        give(whole, node_id, message)
+        give(half, node_id, message)
+    resumed = TeamTracker.load(half.save(), TeamSettings())
+    assert dict(resumed.estimates) == dict(whole.estimates)
+    for node_id, message in messages[middle:]:
+        give(whole, node_id, message)
+        give(resumed, node_id, message)
+    assert dict(resumed.estimates) == dict(whole.estimates)
+    assert dict(resumed.daps) == dict(whole.daps)
+
+
+@pytest.mark.parametrize("saved", [b"", b"\x00", b"{}", TeamTracker(TeamSettings()).save()[:-3]])
+def test_other_bytes_are_no_saved_tracker(saved: bytes) -> None:
+    with pytest.raises(ValueError, match="no saved tracker"):
+        TeamTracker.load(saved, TeamSettings())
+
+
 def test_known_dap_and_start_put_a_turned_frame_right() -> None:
     tracker = TeamTracker(TeamSettings(axis=False))
     off_rad = math.radians(25.0)

@@ -13,6 +13,7 @@ from command_post.fusion.team.log import (
     DOWN,
     DOWN_M2,
     EAST,
+    END_OF_TIME_NS,
     NORTH,
     Floats,
     Moves,
@@ -25,7 +26,6 @@ from shared.maths.angles import wrap_rad
 from shared.messages import FloorShare, TrackStatus
 from shared.units import NS_PER_S
 
-END_OF_TIME_NS = 2**63 - 1
 UNIFORM_TURN_RAD2 = math.pi**2 / 3.0
 MOST_FLOORS = 8
 LEAST_FLOOR_SHARE = 1e-3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right, insort
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
@@ -23,6 +24,8 @@ from shared.messages import (
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
+
+END_OF_TIME_NS = 2**63 - 1
 
 NORTH, EAST, DOWN, HEADING, PLACE_M2, TURN_RAD2, DOWN_M2 = range(7)
 """Columns of ``Moves.values``."""
@@ -128,6 +131,10 @@ class MoveLog:
         end_ns, start_ns, sequence = self._times[:count].T
         return Moves(end_ns, start_ns, sequence, self._values[:count])
 
+    def messages(self) -> list[OdometryIncrement]:
+        """Return all moves as they were told."""
+        return self._messages
+
     def messages_until(self, time_ns: int) -> list[OdometryIncrement]:
         """Return the moves that ended by ``time_ns`` as they were told."""
         return self._messages[: self.until(time_ns).end_ns.size]
@@ -196,6 +203,17 @@ class TeamLog:
     def of(self, responder_id: str) -> ResponderLog:
         """Return a responder's log, begun if need be."""
         return self.responders.setdefault(responder_id, ResponderLog())
+
+    def times_ns(self) -> Iterator[int]:
+        """Yield the times of all that was heard."""
+        for log in self.responders.values():
+            yield from log.moves.until(END_OF_TIME_NS).end_ns.tolist()
+            for events in (log.starts, log.peaks, log.nears, log.contacts, log.fixes, log.heights):
+                yield from (event.time_ns for event in events)
+        for installs in self.daps.values():
+            yield from (each.time_ns for each in installs)
+        for heights in self.dap_heights.values():
+            yield from (each.time_ns for each in heights)
 
     def add_start(self, responder_id: str, said: TrackStart) -> bool:
         """A unit begins."""

@@ -20,7 +20,6 @@ from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Changes
 from command_post.fusion.team.dap_places import daps_of
 from command_post.fusion.team.estimates import (
-    END_OF_TIME_NS,
     Pose,
     estimate_of,
     first_pose,
@@ -28,7 +27,8 @@ from command_post.fusion.team.estimates import (
 )
 from command_post.fusion.team.front import cloud_before, told_by_cloud
 from command_post.fusion.team.height_assembly import Heights, solve_heights, walked_storeys
-from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
+from command_post.fusion.team.saving import loaded_log, saved_log
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution
@@ -158,6 +158,29 @@ class TeamTracker:
             smoothed_tracks(solved, heights, self._settings),
             daps_of(self._log, solved, heights),
         )
+
+    def save(self) -> bytes:
+        """Return bytes from which ``load`` makes a tracker that goes on as this one would."""
+        return saved_log(self._log, self._solved_ns)
+
+    @classmethod
+    def load(cls, saved: bytes, settings: TeamSettings) -> TeamTracker:
+        """Return the tracker that was saved, to the bit. Raises ``ValueError`` for other bytes.
+
+        What had been heard is kept, and the solutions are made of it again.
+        """
+        tracker = cls(settings)
+        tracker._log, solved_ns = loaded_log(saved)
+        slots = {time_ns // tracker._commit_ns for time_ns in tracker._log.times_ns()}
+        tracker._slots = sorted(slots)
+        if solved_ns >= 0:
+            tracker._tick(solved_ns + 1)
+        for responder_id, log in tracker._log.responders.items():
+            heard = log.moves.after(solved_ns).end_ns.size or responder_id not in tracker._poses
+            if heard and (log.starts or len(log.moves)):
+                tracker._tell(responder_id)
+        tracker.take_changes()
+        return tracker
 
     def _latest_ns(self) -> int | None:
         times = [
