@@ -72,6 +72,7 @@ class TeamTracker:
         self._storeys_m = np.empty(0)
         self._estimates: dict[str, Estimate] = {}
         self._daps: dict[str, InstalledDap] = {}
+        self._told_daps: dict[str, InstalledDap] = {}
         self._changed_daps: dict[str, InstalledDap] = {}
         self._changed: dict[str, Estimate] = {}
         self.counts: Counter[str] = Counter()
@@ -270,15 +271,15 @@ class TeamTracker:
         self._keep_daps(solved, heights)
 
     def _keep_daps(self, solved: Solved, heights: Heights) -> None:
-        for dap_id, dap in daps_of(self._log, solved, heights).items():
-            before = self._daps.get(dap_id)
+        self._daps = daps_of(self._log, solved, heights)
+        for dap_id, dap in self._daps.items():
+            told = self._told_daps.get(dap_id)
             if (
-                before is None
-                or before.installed_ns != dap.installed_ns
-                or (_apart_m(before.position, dap.position) > MOVED_DAP_M)
+                told is None
+                or told.installed_ns != dap.installed_ns
+                or _apart_m(told.position, dap.position) > MOVED_DAP_M
             ):
-                self._daps[dap_id] = dap
-                self._changed_daps[dap_id] = dap
+                self._told_daps[dap_id] = self._changed_daps[dap_id] = dap
 
     def _estimate(self, responder_id: str, now_ns: int) -> Estimate:
         """Return where a responder is by ``now_ns``."""
