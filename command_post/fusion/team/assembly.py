@@ -47,7 +47,8 @@ class Assembled:
     """A graph, and what its nodes and places are.
 
     ``chains`` in the graph's order; ``nodes`` the stances that are nodes, by chain; ``places`` in
-    the arrow's order, with the chain's node by which each is first tied (``seen_at``).
+    the arrow's order, with the chain's node by which each is first tied (``seen_at``). Of
+    passes of DAPs the standard deviations are ``tie_scale`` times what the settings say.
     """
 
     graph: Graph
@@ -58,6 +59,7 @@ class Assembled:
     places: list[PlaceId] = field(default_factory=list)
     seen_at: list[int] = field(default_factory=list)
     installed_by: list[int] = field(default_factory=list)
+    tie_scale: float = 1.0
 
     @property
     def arrow_size(self) -> int:
@@ -88,7 +90,7 @@ class _Known(NamedTuple):
 
 
 def assemble(
-    log: TeamLog, until_ns: int, belief: AxisBelief, settings: TeamSettings
+    log: TeamLog, until_ns: int, belief: AxisBelief, tie_scale: float, settings: TeamSettings
 ) -> Assembled | None:
     """Return the graph of all that happened until ``until_ns``; ``None`` if nobody has started."""
     chains = [
@@ -99,7 +101,14 @@ def assemble(
     if not chains:
         return None
     ties, known = _ties(log, chains, until_ns, settings)
-    return _build(chains, ties, known, _fixes(log, chains, until_ns, settings), belief, settings)
+    ties = [
+        tie._replace(sd_m=tie_scale * tie.sd_m) if tie.dof and tie.place[0] == "dap" else tie
+        for tie in ties
+    ]
+    fixes = _fixes(log, chains, until_ns, settings)
+    assembled = _build(chains, ties, known, fixes, belief, settings)
+    assembled.tie_scale = tie_scale
+    return assembled
 
 
 def _ties(

@@ -31,7 +31,8 @@ class ChainSolution(NamedTuple):
 class Solution(NamedTuple):
     """The team as it was solved at ``time_ns``, at that cost, and what was believed of its axis.
 
-    ``storeys_m`` are the heights (m down) on which it had walked.
+    ``storeys_m`` are the heights (m down) on which it had walked; ``tie_scale`` is that of how far
+    passes lie from their DAPs.
     """
 
     time_ns: int
@@ -41,9 +42,10 @@ class Solution(NamedTuple):
     belief: AxisBelief
     cost: float
     storeys_m: tuple[float, ...]
+    tie_scale: float
 
 
-NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf, ())
+NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf, (), 1.0)
 
 
 def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
@@ -134,6 +136,7 @@ def solution_of(
     belief: AxisBelief,
     cost: float,
     storeys_m: tuple[float, ...],
+    tie_scale: float,
 ) -> Solution:
     """Return what was solved, by time and name."""
     chains = {}
@@ -148,7 +151,7 @@ def solution_of(
     for place, place_id in enumerate(assembled.places):
         column = assembled.place_column(place)
         places[place_id] = (float(arrow[column]), float(arrow[column + 1]))
-    return Solution(time_ns, chains, places, float(arrow[0]), belief, cost, storeys_m)
+    return Solution(time_ns, chains, places, float(arrow[0]), belief, cost, storeys_m, tie_scale)
 
 
 def turned(

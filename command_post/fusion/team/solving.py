@@ -19,6 +19,7 @@ from command_post.fusion.team.chain import turn_known
 from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.log import Floats, TeamLog
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.sharpness import learnt_scale
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
 
@@ -49,11 +50,15 @@ class Solved(NamedTuple):
         """Whether there is a solution at all."""
         return math.isfinite(self.cost) and bool(np.isfinite(self.pose).all())
 
-    def solution(self, time_ns: int, storeys_m: tuple[float, ...]) -> Solution:
-        """Return it by time and name, with the storeys walked on."""
+    def solution(
+        self, time_ns: int, storeys_m: tuple[float, ...], settings: TeamSettings
+    ) -> Solution:
+        """Return it by time and name, with the storeys walked on, and how sharp peaks were."""
+        tie_scale = learnt_scale(self.assembled, self.pose, self.arrow, settings)
         return solution_of(
-            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost, storeys_m
-        )
+            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost, storeys_m,
+            tie_scale,
+        )  # fmt: skip
 
 
 def solve(
@@ -61,7 +66,7 @@ def solve(
     iterations: int,
 ) -> Solved | None:  # fmt: skip
     """Return the team at ``time_ns``, started from ``before``; ``None`` if nobody has started."""
-    assembled = assemble(log, time_ns, belief, settings)
+    assembled = assemble(log, time_ns, belief, before.tie_scale, settings)
     if assembled is None:
         return None
     pose, arrow = begin_from(before, assembled)

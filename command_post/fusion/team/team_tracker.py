@@ -246,7 +246,7 @@ class TeamTracker:
                 if solved is not None and solved.is_sound:
                     heights = solve_heights(self._log, solved.assembled, time_ns, self._settings)
                     levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
-                    self._commits.append(solved.solution(time_ns, levels_m))
+                    self._commits.append(solved.solution(time_ns, levels_m, self._settings))
         del self._commits[:-COMMITS_KEPT]
 
     def _keep(self, time_ns: int, solved: Solved) -> None:

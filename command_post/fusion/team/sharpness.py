@@ -1,0 +1,63 @@
+"""How sharp peaks are where the team is: one scale of their standard deviations, learnt (pure).
+
+A peak of one height says less where power falls slowly with range than where it falls steeply. How
+far the passes lie from their DAPs, once all is solved, tells which: the scale is that of Student's
+t, found by expectation and maximisation (Lange, Little, Taylor, "Robust statistical modeling using
+the t distribution", 1989), and held to 1 by as many passes as ``scale_prior_ties`` says. It is
+never below 1: a solution takes up some of what its ties are off, and so seems sharper than it is.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from command_post.fusion.team.arithmetic import sine_cosine
+from command_post.fusion.team.assembly import Assembled
+from command_post.fusion.team.graph import Floats, Ints
+from command_post.fusion.team.settings import TeamSettings
+from shared.compiled import compiled
+
+MOST_SCALE = 6.0
+ROUNDS = 30
+
+
+def learnt_scale(
+    assembled: Assembled, pose: Floats, arrow: Floats, settings: TeamSettings
+) -> float:
+    """Return the scale of the ties to DAPs that a solved graph speaks for."""
+    graph = assembled.graph
+    is_dap = np.array([place[0] == "dap" for place in assembled.places], np.bool_)
+    place = (graph.tie_at[:, 1] - assembled.place_column(0)) // 2
+    passed = np.flatnonzero(is_dap[place] & (graph.tie[:, 3] > 0.0))
+    if not passed.size:
+        return 1.0
+    off2 = _squared(graph.tie, graph.tie_at, passed, pose, arrow) * assembled.tie_scale**2
+    return _scale(off2, settings.sharpness.dof, settings.scale_prior_ties)
+
+
+@compiled
+def _squared(tie: Floats, tie_at: Ints, rows: Ints, pose: Floats, arrow: Floats) -> Floats:
+    """Return the squares of how far ties are off, over their variances."""
+    off2 = np.zeros(rows.size)
+    for k in range(rows.size):
+        north, east, sd_m, _ = tie[rows[k]]
+        node, place, _ = tie_at[rows[k]]
+        sine, cosine = sine_cosine(pose[node, 2])
+        off_north = pose[node, 0] + cosine * north - sine * east - arrow[place]
+        off_east = pose[node, 1] + sine * north + cosine * east - arrow[place + 1]
+        off2[k] = (off_north * off_north + off_east * off_east) / (sd_m * sd_m)
+    return off2
+
+
+@compiled
+def _scale(off2: Floats, dof: float, prior: float) -> float:
+    """Return the scale of two-dimensional Student's t that squares (n,) speak for."""
+    scale2 = 1.0
+    for _ in range(ROUNDS):
+        total = prior
+        for k in range(off2.size):
+            total += 0.5 * off2[k] * (dof + 2.0) / (dof + off2[k] / scale2)
+        scale2 = total / (prior + off2.size)
+    return math.sqrt(min(max(scale2, 1.0), MOST_SCALE**2))

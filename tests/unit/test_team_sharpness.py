@@ -1,0 +1,85 @@
+"""How sharp peaks are is learnt from how far passes lie from their DAPs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from command_post.fusion.team.assembly import NO_AXIS, assemble
+from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.sharpness import MOST_SCALE, learnt_scale
+from command_post.fusion.team.solution import NOTHING
+from command_post.fusion.team.solving import commit, solve
+from tests.stride_world import at_ns, installation, stride, track_start
+from tests.unit.test_team_tracker import peak_at
+
+SETTINGS = TeamSettings(axis=False)
+END_S = 200.0
+
+
+def to_and_fro(aside_m: float, seed: int = 1, passes: int = 60) -> TeamLog:
+    """Return the log of a straight way past known DAPs, each of them ``aside_m`` off it at most.
+
+    The boot is faultless, and so is known to be within centimetres of its way.
+    """
+    log, chance = TeamLog(), np.random.default_rng(seed)
+    log.add_start("r1", track_start(0.0, heading_sd_rad=0.01))
+    for k in range(passes):
+        log.add_move("r1", stride(2.0 + 2.0 * k, 1.2, 0.0, sequence=k))
+        angle, off_m = chance.uniform(0.0, 2.0 * math.pi), aside_m * math.sqrt(chance.uniform())
+        place = (1.2 * (k + 1) + off_m * math.cos(angle), off_m * math.sin(angle))
+        log.add_dap(f"dap{k}", installation(0.0, None, place))
+        log.add_peak(f"dap{k}", peak_at(2.0 + 2.0 * k, "r1", peak_dbm=-42.0))
+    return log
+
+
+def learnt(log: TeamLog, rounds: int = 4) -> float:
+    before = NOTHING
+    for number in range(1, rounds + 1):
+        solved = commit(log, at_ns(END_S), before, SETTINGS)
+        assert solved is not None
+        before = solved.solution(number, (), SETTINGS)
+    return before.tie_scale
+
+
+def test_sharp_peaks_are_taken_for_no_sharper_than_told() -> None:
+    assert learnt(to_and_fro(0.0)) == 1.0
+    assert learnt(to_and_fro(0.3)) == 1.0
+
+
+def test_blunt_peaks_are_found_to_be_blunt() -> None:
+    scales = [learnt(to_and_fro(aside_m)) for aside_m in (2.4, 3.6, 4.8)]
+    assert scales == sorted(scales)
+    assert scales[0] > 1.1
+    assert scales[2] > 2.0
+    assert learnt(to_and_fro(60.0)) <= MOST_SCALE
+
+
+def test_few_passes_say_little() -> None:
+    few, many = learnt(to_and_fro(4.0, passes=3)), learnt(to_and_fro(4.0, passes=60))
+    assert 1.0 <= few < 0.7 * many
+
+
+def test_nobody_passed_anything() -> None:
+    log = TeamLog()
+    log.add_start("r1", track_start(0.0, heading_sd_rad=0.1))
+    solved = solve(log, at_ns(10.0), NOTHING, NO_AXIS, SETTINGS, 5)
+    assert solved is not None
+    assert learnt_scale(solved.assembled, solved.pose, solved.arrow, SETTINGS) == 1.0
+
+
+def test_a_scale_blunts_passes_and_nothing_else() -> None:
+    log = to_and_fro(0.0, passes=3)
+    log.add_dap("own", installation(3.0, "r1", None))
+    sharp, blunt = (assemble(log, at_ns(END_S), NO_AXIS, scale, SETTINGS) for scale in (1.0, 3.0))
+    assert sharp is not None
+    assert blunt is not None
+    is_pass = sharp.graph.tie[:, 3] > 0.0
+    assert is_pass.sum() == 3
+    assert (~is_pass).sum() == 1
+    ratio = blunt.graph.tie[:, 2] / sharp.graph.tie[:, 2]
+    assert ratio[is_pass] == pytest.approx(3.0)
+    assert ratio[~is_pass] == pytest.approx(1.0)
