@@ -5,7 +5,6 @@ It is no test of accuracy: ways are rectangles, errors of strides are drawn inde
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import NamedTuple, TypeAlias
 
@@ -63,7 +62,7 @@ def _crew(
         begin_s = 1.0 + 2.5 * member + 0.004 * crew
         yield Said(name, _start(begin_s, place_m))
         count = int(60.0 * minutes * rate_hz)
-        length_m = STRIDE_M * np.arange(count + 1)
+        length_m = STRIDE_M * np.arange(count + 1, dtype=np.float64)
         way_m = _on_rectangle(length_m % round_m, round_m)
         turn_rad = chance.normal(0.0, 0.1) + np.cumsum(chance.normal(0.0, 0.006, count))
         step_m = np.diff(way_m, axis=0)

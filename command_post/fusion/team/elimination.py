@@ -164,9 +164,10 @@ def marginals(graph: Graph, system: System, shared: Floats, which: int) -> Float
                 own[row, column] = shared[columns[row], columns[column]]
         node = np.zeros((3, 3))
         cross = np.zeros((3, columns.size))
+        wings = np.zeros((6, columns.size))
         last = start if which == EVERY_NODE else end - 1
         for a in range(end - 1, last - 1, -1):
-            _marginal(graph, system, own, a, a + 1 < end, node, cross)
+            _marginal(graph, system, own, a, a + 1 < end, node, cross, wings)
             row = a if which == EVERY_NODE else chain
             found[row, 0] = node[0, 0]
             found[row, 1] = node[0, 1]
@@ -186,22 +187,57 @@ def _marginal(
     has_next: bool,
     node: Floats,
     cross: Floats,
+    wings: Floats,
 ) -> None:
     """Go from the next node's covariance to ``a``'s: ``node`` its own, ``cross`` with the arrow.
 
     A node is what is left to it, less G times the arrow and F times the next node, so that its
-    covariance is D⁻¹ + [G F] Σ [G F]ᵀ.
+    covariance is D⁻¹ + [G F] Σ [G F]ᵀ. ``wings`` (6, ·) is room for G and for what it comes to.
     """
     width = graph.width[a]
     inverse = system.inverse[a]
     wing = system.wing[system.wing_at[a] : system.wing_at[a + 1]].reshape(3, width)
-    g = _times(inverse, wing)
-    to_arrow = -_times(g, own[:width, :width])
-    covariance = inverse - _times(to_arrow, g.T)
+    g, to_arrow = wings[:3], wings[3:]
+    for row in range(3):
+        i0, i1, i2 = inverse[row]
+        for column in range(width):
+            g[row, column] = i0 * wing[0, column] + i1 * wing[1, column] + i2 * wing[2, column]
+    _minus_times(g, own, width, to_arrow)
     if has_next:
         f = _times(inverse, system.link[a])
-        to_next = -_times(f, node) - _times(g, cross[:, :width].T)
-        to_arrow -= _times(f, cross[:, :width])
-        covariance = inverse - _times(to_arrow, g.T) - _times(to_next, f.T)
-    node[:] = covariance
-    cross[:, :width] = to_arrow
+        to_next = -_times(f, node) - _times_transposed(g, cross, width)
+        for row in range(3):
+            f0, f1, f2 = f[row]
+            for column in range(width):
+                to_arrow[row, column] -= (
+                    f0 * cross[0, column] + f1 * cross[1, column] + f2 * cross[2, column]
+                )
+        node[:] = inverse - _times_transposed(to_arrow, g, width) - _times(to_next, f.T)
+    else:
+        node[:] = inverse - _times_transposed(to_arrow, g, width)
+    cross[:, :width] = to_arrow[:, :width]
+
+
+@compiled
+def _minus_times(g: Floats, own: Floats, width: int, product: Floats) -> None:
+    """Write −(3, width)(width, width) into the first columns of ``product``, three rows at once."""
+    product[:, :width] = 0.0
+    for k in range(width):
+        g0, g1, g2 = g[0, k], g[1, k], g[2, k]
+        for column in range(width):
+            product[0, column] -= g0 * own[k, column]
+            product[1, column] -= g1 * own[k, column]
+            product[2, column] -= g2 * own[k, column]
+
+
+@compiled
+def _times_transposed(one: Floats, other: Floats, width: int) -> Floats:
+    """Return the product (3, 3) of the first columns of (3, ·) and those of (3, ·), transposed."""
+    product = np.zeros((3, 3))
+    for row in range(3):
+        for column in range(3):
+            total = 0.0
+            for k in range(width):
+                total += one[row, k] * other[column, k]
+            product[row, column] = total
+    return product
