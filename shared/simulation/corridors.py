@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.maths.polygons import inside_polygon
-from shared.simulation.plan import Plan, Point, Room
+from shared.simulation.plan import Plan, Point, Room, Stairs
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -132,28 +132,24 @@ class Corridors:
         return None
 
     def _join_ways(self) -> None:
+        """Join what lies on each stretch of a way, one to the next along it."""
+        places = [entrance.place for entrance in self.entrances]
         for floor, start_m, end_m in self._segments:
-            points = {Place(floor, *_rounded(start_m)), Place(floor, *_rounded(end_m))}
-            points |= {entrance.place for entrance in self.entrances}
-            points |= {Place(way.floor, *_rounded(p)) for way in self._plan.ways
-                       for p in way.through_m}  # fmt: skip
-            for flight in self._plan.stairs:
-                points.add(Place(flight.lower_floor, *_rounded(flight.foot_m)))
-                points.add(Place(flight.upper_floor, *_rounded(flight.head_m)))
-            on_segment = [
-                place
-                for place in points
-                if place.floor == floor
-                and np.hypot(*(_nearest_on(place[1:], start_m, end_m) - place[1:])) < ON_LINE_M
-            ]
-            on_segment.sort(key=lambda place: float(np.hypot(*np.subtract(place[1:], start_m))))
-            for one, other in pairwise(on_segment):
+            places += [Place(floor, *_rounded(start_m)), Place(floor, *_rounded(end_m))]
+        for flight in self._plan.stairs:
+            places += _ends(flight)
+        for floor, start_m, end_m in self._segments:
+            along = {
+                place: float(np.hypot(*np.subtract(place.point_m, start_m)))
+                for place in places
+                if place.floor == floor and _away_m(place.point_m, start_m, end_m) < ON_LINE_M
+            }
+            for one, other in pairwise(sorted(along, key=along.__getitem__)):
                 self._next[one][other] = self._next[other][one] = None
 
     def _join_stairs(self) -> None:
         for flight in self._plan.stairs:
-            foot = Place(flight.lower_floor, *_rounded(flight.foot_m))
-            head = Place(flight.upper_floor, *_rounded(flight.head_m))
+            foot, head = _ends(flight)
             self._next[foot][head] = self._next[head][foot] = flight.name
 
 
@@ -165,11 +161,23 @@ def inside(room: Room, point_m: Array) -> bool:
 def outline_distance_m(room: Room, point_m: Array) -> float:
     """Return how far ``point_m`` (2,) is from the room's outline."""
     corners = np.array(room.corners_m)
-    ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    return min(float(np.hypot(*(_nearest_on(point_m, a, b) - point_m))) for a, b in ends)
+    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    return min(_away_m(point_m, start_m, end_m) for start_m, end_m in sides)
 
 
-def _nearest_on(point_m: Array | tuple[float, ...], start_m: Array, end_m: Array) -> Array:
+def _ends(flight: Stairs) -> tuple[Place, Place]:
+    """Return the foot and the head of a flight."""
+    return (
+        Place(flight.lower_floor, *_rounded(flight.foot_m)),
+        Place(flight.upper_floor, *_rounded(flight.head_m)),
+    )
+
+
+def _away_m(point_m: Array | Point, start_m: Array, end_m: Array) -> float:
+    return float(np.hypot(*(_nearest_on(point_m, start_m, end_m) - point_m)))
+
+
+def _nearest_on(point_m: Array | Point, start_m: Array, end_m: Array) -> Array:
     along = end_m - start_m
     share = np.dot(np.subtract(point_m, start_m), along) / np.dot(along, along)
     return np.asarray(start_m + np.clip(share, 0.0, 1.0) * along)

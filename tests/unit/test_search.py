@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from itertools import pairwise
 
 import numpy as np
@@ -129,3 +132,21 @@ def test_a_turned_exercise_is_the_same_but_for_the_turn(scenario: Scenario) -> N
     )
     middle_m = walk.body.position_m[:, :2] @ turn
     assert np.ptp(middle_m[:, 1]) > np.ptp(middle_m[:, 0])
+
+
+def test_every_process_walks_alike_however_it_hashes() -> None:
+    script = (
+        "from shared.simulation.scenario import load_scenario\n"
+        "from shared.simulation.walker import simulate_walk\n"
+        "walk = simulate_walk(load_scenario('three_floors'), 'r3', 2)\n"
+        "print(walk.body.position_m.sum(), walk.body.time_s[-1], walk.installed)\n"
+    )
+    told = {
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True, check=True,
+        ).stdout
+        for seed in ("1", "2")
+    }  # fmt: skip
+    assert len(told) == 1
+    assert "r3-1" in told.pop()
