@@ -190,7 +190,8 @@ class Incident:
         """Take in bytes received under ``key`` at ``now_ns``; return what is to be published.
 
         Never raises for what was received. Raw samples, signal strengths and truth are checked
-        and counted like everything else, and not fused; so is what another post says.
+        and counted like everything else, and not fused; so is what another post says, but for a
+        commander's word of where somebody is.
         """
         parsed = self._parsed(key)
         if isinstance(parsed, Refusal):
@@ -199,8 +200,8 @@ class Incident:
             self._take(parsed, payload, now_ns)
         elif parsed[:3] == (self.settings.incident, "post", self.settings.post_id):
             self._refuse("not_the_post", parsed.node_id, "somebody else uses this post's keys")
-        elif isinstance(refusal := decode(parsed, payload), Refusal):
-            self._refuse(refusal.reason, parsed.node_id, refusal.detail)
+        else:
+            self._take_from_post(parsed, payload, now_ns)
         return self._fuse(self._time_line.release(now_ns))
 
     def afterwards(self) -> Afterwards | None:
@@ -224,6 +225,13 @@ class Incident:
             self._keys[key_text] = key
         return key
 
+    def _take_from_post(self, key: Key, payload: bytes, now_ns: int) -> None:
+        message = decode(key, payload)
+        if isinstance(message, Refusal):
+            self._refuse(message.reason, key.node_id, message.detail)
+        elif key.topic in _FUSED and key.incident == self.settings.incident:
+            self._time_line.put(Event(key, message, message.event_time_ns), now_ns)
+
     def _take(self, key: Key, payload: bytes, now_ns: int) -> None:
         message = decode(key, payload)
         if isinstance(message, Refusal):
@@ -232,6 +240,8 @@ class Incident:
         node = (key.role, key.node_id)
         if key.incident != self.settings.incident:
             self._refuse("foreign_incident", key.node_id, f"of {key.incident!r}")
+        elif not _is_ones_own(key, message):
+            self._refuse("not_ones_own", key.node_id, "tells where somebody else is")
         elif node not in self._heard_ns and len(self._heard_ns) >= MOST_NODES:
             self._refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
         else:
@@ -346,6 +356,17 @@ class Incident:
     def _outgoing(self, message: Message, topic: str) -> Outgoing:
         key = Key(self.settings.incident, "post", self.settings.post_id, topic)
         return Outgoing(str(key), encode(message))
+
+
+def _is_ones_own(key: Key, message: Message) -> bool:
+    """Whether a unit that tells a place or a height tells its own."""
+    match message:
+        case PositionFix():
+            return message.responder_id == key.node_id
+        case HeightFix():
+            return (message.node, message.node_id) == (key.role, key.node_id)
+        case _:
+            return True
 
 
 def _is_newer(message: Message, known: Message) -> bool:

@@ -8,7 +8,14 @@ from command_post import incident as incident_module
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import Incident, IncidentSettings, Notice, Outgoing
 from shared.codec import decode, encode, parse_key
-from shared.messages import DapEstimate, Message, RssiReport, TrackEstimate
+from shared.messages import (
+    DapEstimate,
+    LocalPosition,
+    Message,
+    PositionFix,
+    RssiReport,
+    TrackEstimate,
+)
 from shared.topics import Key, Role
 from tests.stride_world import (
     at_ns,
@@ -53,6 +60,26 @@ def test_what_comes_of_it_goes_out_under_the_posts_keys() -> None:
     assert placed.event_time_ns == at_ns(1.5)
     assert tied.last_proximity_time_ns == at_ns(1.8)
     assert [first.sequence, second.sequence, tied.sequence, placed.sequence] == [0, 1, 2, 0]
+
+
+def fix_of(time_s: float, responder_id: str) -> PositionFix:
+    place = LocalPosition(north_m=2.2, east_m=0.0, down_m=0.0, covariance_m2=(0.04, 0.0, 0.04))
+    return PositionFix(
+        event_time_ns=at_ns(time_s), sequence=0, responder_id=responder_id, source="commander",
+        position=place,
+    )  # fmt: skip
+
+
+def test_a_commanders_word_counts_and_nobody_elses_about_another() -> None:
+    incident = Incident(IncidentSettings())
+    hear(incident, "responder", "r1", track_start(0.0))
+    hear(incident, "responder", "r1", stride(1.0, 1.2, 0.0))
+    hear(incident, "post", "commander", fix_of(1.0, "r1"))
+    hear(incident, "responder", "r2", fix_of(1.0, "r1"))
+    hear(incident, "responder", "r1", stride(12.0, 0.0, 0.0, sequence=1))
+    incident.finish(at_ns(20.0))
+    assert incident.estimates["r1"].north_m > 1.6
+    assert incident.refusals == {("not_ones_own", "r2"): 1}
 
 
 def test_nothing_is_released_before_the_hold() -> None:

@@ -26,6 +26,7 @@ Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
 END_OF_TIME_NS = 2**63 - 1
+MOST_RESPONDERS = 1024
 
 NORTH, EAST, DOWN, HEADING, PLACE_M2, TURN_RAD2, DOWN_M2 = range(7)
 """Columns of ``Moves.values``."""
@@ -201,7 +202,12 @@ class TeamLog:
         self.dap_heights: dict[str, list[Height]] = {}
 
     def of(self, responder_id: str) -> ResponderLog:
-        """Return a responder's log, begun if need be."""
+        """Return a responder's log, begun if need be; one that nobody keeps, if there are too many.
+
+        DAPs name whom they hear, and a false one could name anybody.
+        """
+        if responder_id not in self.responders and len(self.responders) >= MOST_RESPONDERS:
+            return ResponderLog()
         return self.responders.setdefault(responder_id, ResponderLog())
 
     def times_ns(self) -> Iterator[int]:

@@ -56,7 +56,7 @@ class TeamTracker:
 
     ``counts`` says what had no effect, or came late: ``late_fused`` (events put where they belong
     in time), ``repeated_event``, ``unplaced`` (installations nobody can place), ``unsolved`` (ticks
-    whose equations had no solution).
+    whose equations had no solution), ``too_many_responders``.
     """
 
     def __init__(self, settings: TeamSettings) -> None:
@@ -212,6 +212,9 @@ class TeamTracker:
         return True
 
     def _tell(self, responder_id: str) -> None:
+        if responder_id not in self._log.responders:
+            self.counts["too_many_responders"] += 1
+            return
         estimate = self._estimate(responder_id, 0)
         self._estimates[responder_id] = estimate
         self._changed[responder_id] = estimate
