@@ -1,9 +1,10 @@
-"""What the team's fusion costs: one cold solution of a long exercise."""
+"""What the team's fusion costs: one cold solution of a long exercise, and the post as a whole."""
 
 from __future__ import annotations
 
 from time import process_time
 
+import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
@@ -13,11 +14,15 @@ from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import NOTHING, begin_from
-from shared.messages import DapInstallation, OdometryIncrement, RssiPeak, TrackStart
+from command_post.incident import Incident, IncidentSettings
+from shared.codec import encode
+from shared.messages import DapInstallation, Message, OdometryIncrement, RssiPeak, TrackStart
+from shared.topics import TOPICS, Key, Role
 from shared.units import NS_PER_S
 from tests.benchmarks.crowd import START_NS, crowd
 
 RESPONDERS, MINUTES, STRIDES_A_SECOND = 40, 36.0, 0.9
+POST_MINUTES = 1.5
 SETTINGS = TeamSettings()
 
 
@@ -58,3 +63,44 @@ def test_smoother_cold_with_covariance(benchmark: BenchmarkFixture, log: TeamLog
     benchmark.extra_info["processor_s"] = round(process_time() - began_s, 3)
     benchmark.extra_info.update(iterations=made, nodes=nodes, ties=ties)
     benchmark(solve)
+
+
+@pytest.mark.parametrize("crews", [2, 8])
+def test_whole_post_messages_in_to_estimates_out(benchmark: BenchmarkFixture, crews: int) -> None:
+    """Processor time a message, and the share of a core that keeping up takes."""
+    said = list(crowd(crews, 4, POST_MINUTES, 2.0, seed=2))
+    frames = [
+        (str(Key("exercise", role_of(each.message), each.node_id, topic_of(each.message))),
+         encode(each.message), each.message.event_time_ns)
+        for each in said
+    ]  # fmt: skip
+    handled_ms: list[float] = []
+
+    def run() -> int:
+        incident, estimates = Incident(IncidentSettings()), 0
+        handled_ms.clear()
+        for key, payload, now_ns in frames:
+            began_s = process_time()
+            estimates += len(incident.handle(key, payload, now_ns))
+            handled_ms.append(1e3 * (process_time() - began_s))
+        return estimates
+
+    assert benchmark.pedantic(run, rounds=1, iterations=1) >= len(frames) // 2  # type: ignore[no-untyped-call]
+    p50_ms, p99_ms = np.percentile(handled_ms, (50.0, 99.0)).tolist()
+    benchmark.extra_info.update(
+        responders=4 * crews,
+        p50_ms=round(p50_ms, 3),
+        p99_ms=round(p99_ms, 3),
+        worst_ms=round(max(handled_ms), 1),
+        share_of_a_core=round(sum(handled_ms) / (60e3 * POST_MINUTES), 3),
+    )
+
+
+def role_of(message: Message) -> Role:
+    """Return who says such a message."""
+    return "dap" if isinstance(message, (RssiPeak, DapInstallation)) else "responder"
+
+
+def topic_of(message: Message) -> str:
+    """Return the topic of a message."""
+    return next(name for name, topic in TOPICS.items() if topic.message is type(message))

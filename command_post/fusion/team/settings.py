@@ -48,7 +48,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     Every ``tick_s`` the whole team is solved; every ``commit_s`` the solution is kept as what the
     next ones start from, after other headings have been tried for each responder and adopted where
-    the cost falls by more than ``adopt_gain``. Nodes are set every ``node_m`` or ``node_s``.
+    the cost falls by more than ``adopt_gain``; where there are more than ``turned_a_commit``, by
+    turns. Nodes are set every ``node_m`` or ``node_s``.
     """
 
     tick_s: Seconds = 2.0
@@ -59,6 +60,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     commit_iterations: Annotated[int, Meta(ge=1, le=100)] = 12
     settled_m: Metres = 0.01
     adopt_gain: Annotated[float, Meta(ge=0.0, le=1e3)] = 4.0
+    turned_a_commit: Annotated[int, Meta(ge=1, le=10_000)] = 16
 
     scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.02
     drift_sd_rad_s: Radians = math.radians(0.05)

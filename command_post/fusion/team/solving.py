@@ -22,6 +22,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_scale
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
+from shared.units import NS_PER_S
 
 KNOWN_TURNS_RAD = tuple(math.radians(each) for each in (-60.0, -30.0, 30.0, 60.0))
 UNKNOWN_TURNS_RAD = tuple(math.radians(each) for each in range(-150, 181, 30))
@@ -92,9 +93,21 @@ def commit(log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings)
         return None
     if settings.axis:
         found = _with_axis(log, time_ns, before, found, settings)
-    for chain in range(len(found.assembled.chains)):
+    for chain in turned_at(time_ns, len(found.assembled.chains), settings):
         found = _with_other_headings(found, chain, settings)
     return found
+
+
+def turned_at(time_ns: int, chains: int, settings: TeamSettings) -> list[int]:
+    """Return whose headings are tried at a commit: everybody's, of a crowd some by turns.
+
+    Each trial solves the whole team, so that trying all of a crowd would take its square.
+    """
+    most = settings.turned_a_commit
+    if chains <= most:
+        return list(range(chains))
+    first = time_ns // round(settings.commit_s * NS_PER_S) * most
+    return sorted((first + k) % chains for k in range(most))
 
 
 def _with_axis(
