@@ -203,7 +203,7 @@ def _fault(*found: str) -> str | None:
 
 
 def _worst(health: NodeHealth | None) -> tuple[str, ...]:
-    return health.findings[:1] if health is not None else ()
+    return () if health is None or health.level == "ok" else health.findings[:1]
 
 
 def _responder_status(

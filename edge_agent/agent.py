@@ -177,6 +177,7 @@ class Agent:
         d_north_m, d_east_m, d_down_m = increment.displacement_m
         activity = self._classifier.take_increment(increment)
         self._alarm_watch.flat = self._classifier.flat
+        self._self_check.worn = self._mount.worn
         self._self_check.take_increment(increment)
         self._sender.send(
             OdometryIncrement(
@@ -192,6 +193,7 @@ class Agent:
                 mount="boot",
                 activity=activity.activity,
                 activity_confidence=activity.confidence,
+                facing_sd_rad=increment.facing_sd_rad,
             )
         )
 

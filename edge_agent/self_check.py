@@ -110,6 +110,8 @@ class SelfCheck:
         self._strides: deque[float] = deque(maxlen=STRIDES)
         self._told: tuple[_Finding, ...] | None = None
         self._told_ns = 0
+        self.worn: str | None = None
+        """How the sensor was found to be worn, in words; to be set by who finds it."""
 
     def take_sample(self, sample: ImuSample) -> HealthReport | None:
         """Take in a sample as it came from the source; return a report if one is due."""
@@ -202,7 +204,8 @@ class SelfCheck:
             *self._of_calibration(),
             *self._of_stances(),
         ]
-        return tuple(sorted(found, key=lambda finding: finding.level != "fault"))
+        found.sort(key=lambda finding: finding.level != "fault")
+        return (*found, *([_Finding("ok", self.worn)] if self.worn else []))
 
     def _of_stream(self) -> list[_Finding]:
         settings, blocks = self._settings, self._blocks

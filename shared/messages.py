@@ -50,6 +50,9 @@ Activity: TypeAlias = Literal[
 TrackStatus: TypeAlias = Literal["tracking", "dead_reckoning", "lost", "recovering"]
 AlarmKind: TypeAlias = Literal["motionless", "fall"]
 AlarmPhase: TypeAlias = Literal["pre_alarm", "alarm", "cancelled"]
+UNKNOWN_FACING_SD_RAD = 1.81
+"""Standard deviation of a direction of which nothing is known: π/√3, uniform around the circle."""
+
 HealthLevel: TypeAlias = Literal["ok", "warning", "fault"]
 Words: TypeAlias = Annotated[str, Meta(min_length=1, max_length=200)]
 Confidence: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -109,9 +112,10 @@ class OdometryIncrement(Message, frozen=True, kw_only=True):
 
     A boot gives one a stride. The agent's north is off from the incident's by a heading offset
     that the fusion finds. ``event_time_ns`` ends the movement, ``start_time_ns`` begins it;
-    ``heading_rad`` is the agent's heading at its end; ``activity`` is what the wearer did, as
-    sure as ``activity_confidence``. ``covariance`` is the upper triangle, row
-    by row, of that of (d_north, d_east, d_down, d_heading): m², m·rad, rad².
+    ``heading_rad`` is which way the wearer faces at its end, in the agent's frame, and
+    ``facing_sd_rad`` how well the agent knows it there: it has to find out how the sensor is worn.
+    ``activity`` is what the wearer did, as sure as ``activity_confidence``. ``covariance`` is the
+    upper triangle, row by row, of that of (d_north, d_east, d_down, d_heading): m², m·rad, rad².
     """
 
     start_time_ns: TimeNs
@@ -127,6 +131,7 @@ class OdometryIncrement(Message, frozen=True, kw_only=True):
     mount: Mount
     activity: Activity = "unknown"
     activity_confidence: Confidence = 0.0
+    facing_sd_rad: StandardDeviation = UNKNOWN_FACING_SD_RAD
 
 
 class Alarm(Message, frozen=True, kw_only=True):
@@ -143,9 +148,10 @@ class Alarm(Message, frozen=True, kw_only=True):
 
 
 class NodeHealth(Message, frozen=True, kw_only=True):
-    """What a unit finds wrong with its own sensor, in words for who wears it; worst first.
+    """What a unit finds of its own sensor, in words for who wears it; what is worst first.
 
-    ``level`` is that of the worst finding, ``ok`` without any.
+    ``level`` is that of the worst finding, ``ok`` if nothing is wrong: findings of that level say
+    how the sensor was found.
     """
 
     level: HealthLevel

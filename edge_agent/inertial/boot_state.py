@@ -18,7 +18,7 @@ from edge_agent.inertial.sample_ring import SAMPLE_WIDTH
 from edge_agent.inertial.stride_path import NO_PATH, StridePath
 from edge_agent.inertial.stride_smoothing import HISTORY_WIDTH
 from edge_agent.inertial.zupt_filter import ROLLING_HEIGHT, STATES
-from shared.maths.rotations import Vector3
+from shared.maths.rotations import IDENTITY, Quaternion, Vector3
 from shared.units import NS_PER_S
 
 StateRecord: TypeAlias = Any
@@ -99,6 +99,8 @@ OUTCOME = np.dtype(
         ("lowest_m", "f8"),
         ("statistic", "f8"),
         ("rolling_height_m", "f8"),
+        ("end_quat_wxyz", "f8", (4,)),
+        ("lean", "f8", (2,)),
     ]
 )
 """What :func:`step` writes when it closes a stride (see :class:`Stride`)."""
@@ -123,7 +125,8 @@ class Stride(NamedTuple):
     the start, m², m·rad, rad². ``highest_m`` and ``lowest_m`` are of the foot's path above where
     the stride began. ``statistic`` is the stance's; ``rolling_height_m`` the wearer's. ``path``
     has one point a sample, from zero to the displacement. ``carried_down_m``, of the displacement,
-    was a lift's.
+    was a lift's. ``nav_from_body`` is the sensor's attitude at the end. ``lean`` is which way,
+    north and east, what pointed up at the start leant over the stride, as a mean of sines.
     """
 
     kind: int
@@ -140,6 +143,8 @@ class Stride(NamedTuple):
     rolling_height_m: float
     path: StridePath
     carried_down_m: float = 0.0
+    nav_from_body: Quaternion = IDENTITY
+    lean: tuple[float, float] = (0.0, 0.0)
 
 
 def blank_state() -> State:
@@ -216,6 +221,8 @@ def stride_of(outcome: OutcomeRecord, state: StateRecord) -> Stride:
     path_m += displacement_m - path_m[-1]
     path_m[0], path_m[-1] = 0.0, displacement_m
     north, east, down = displacement_m.tolist()
+    w, x, y, z = outcome["end_quat_wxyz"].tolist()
+    lean_north, lean_east = outcome["lean"].tolist()
     return Stride(
         kind=int(outcome["kind"]),
         start_ns=int(outcome["start_ns"]),
@@ -229,6 +236,8 @@ def stride_of(outcome: OutcomeRecord, state: StateRecord) -> Stride:
         lowest_m=float(outcome["lowest_m"]),
         statistic=float(outcome["statistic"]),
         rolling_height_m=float(outcome["rolling_height_m"]),
+        nav_from_body=(w, x, y, z),
+        lean=(lean_north, lean_east),
         path=StridePath(state["time_ns"][slots], path_m),
     )
 

@@ -26,7 +26,7 @@ from edge_agent.inertial.eskf_parameters import (
     Parameters,
     ParametersRecord,
 )
-from edge_agent.inertial.foot_mechanisation import turn_about_down, turn_nav
+from edge_agent.inertial.foot_mechanisation import rotation_matrix, turn_about_down, turn_nav
 from edge_agent.inertial.gap_bridging import bridge_gap
 from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, STEP
 from edge_agent.inertial.saturation import watch_flat_tops
@@ -37,6 +37,19 @@ from shared.compiled import compiled
 
 MOST_HELD = 16
 """More strides than can be ahead of the filter at once."""
+
+
+@compiled
+def write_lean(s: StateRecord, o: OutcomeRecord, first: int, last: int) -> None:
+    """Write how what pointed up at the anchor leans on average over slots ``first … last``."""
+    anchor, now = np.empty((3, 3)), np.empty((3, 3))
+    rotation_matrix(s.anchor_quat_wxyz, anchor)
+    o.lean[:] = 0.0
+    for slot in range(first, last + 1):
+        rotation_matrix(s.history[slot & (CAPACITY - 1), FILTERED + 3 : FILTERED + 7], now)
+        for c in range(2):
+            for i in range(3):
+                o.lean[c] -= now[c, i] * anchor[2, i] / (last + 1 - first)
 
 
 @compiled
@@ -68,10 +81,11 @@ def close_stride(
     for slot in range(s.boundary + 1, anchor + 1):
         height = s.anchor_position_m[2] - s.path[slot & mask, 2]
         o.highest_m, o.lowest_m = max(o.highest_m, height), min(o.lowest_m, height)
+    write_lean(s, o, s.boundary + 1, anchor)
     for c in range(3):
         o.displacement_m[c] = s.path[anchor & mask, c] - s.anchor_position_m[c]
         s.anchor_position_m[c] = s.path[anchor & mask, c]
-    s.anchor_quat_wxyz[:] = end
+    s.anchor_quat_wxyz[:] = o.end_quat_wxyz[:] = end
     o.peak_speed_m_s, o.rolling_height_m = peak_speed_m_s, s.rolling_height_m
     o.statistic = s.statistic[anchor & mask]
     write_increment_covariance(s.covariance, o.covariance, p, s.swing_innovation)

@@ -4,8 +4,8 @@ A stride is told ``StanceSettings.delay_s`` (0.225 s) after it has ended. Standi
 nothing: there is no increment until the boot has moved, and what turned meanwhile is in the
 next one's heading change.
 
-The sensor is worn x forward, y right, z down. Worn upside down, strides are the same and headings
-are off by half a turn; turned sideways, stance detection looks at the wrong axes.
+The sensor is worn z down, as ``mounts/upright.py`` makes sure; that x is forward, stance detection
+hardly asks. The heading told is the sensor's.
 """
 
 from __future__ import annotations
@@ -89,6 +89,11 @@ class BootMount:
     def heading_sd_rad(self) -> float:
         """How well the heading is known at setting out, or was."""
         return (self._start_heading or self._heading_to_start_with()).sd_rad
+
+    @property
+    def worn(self) -> None:
+        """Nothing: this method takes the sensor to be worn as it asks for."""
+        return
 
     def step(self, sample: ImuSample) -> Increment | None:
         """Take in the next sample; return the movement that it completes, if it does."""

@@ -1,9 +1,10 @@
 """The sensor on a boot: an increment a stride, by an error-state filter smoothed over each stride.
 
 Strides come from ``inertial/boot_tracker.py``, at most half a second after the stance that ends
-them. The sensor may be worn on any side of the boot and at any angle: tilt is found from gravity,
-and the heading told is that of the sensor's axes at setting out, by the magnetometer if there is
-one to be trusted, turned on by the gyro ever after.
+them. The sensor may be worn on any side of the boot and at any angle. The frame is north-east-down
+by the magnetometer, if there is one to be trusted; without, its north is where the first stride
+leads, so that nothing told depends on how the sensor is worn. How the wearer faces is learnt from
+their strides (see ``inertial/wearing.py``).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from edge_agent.inertial.boot_state import LOST, STANDING, Stride
+from edge_agent.inertial.boot_state import LOST, STANDING, STRIDE, Stride
 from edge_agent.inertial.boot_tracker import BootTracker
 from edge_agent.inertial.eskf_parameters import CAPACITY, EskfParameters
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD, Heading, MagneticHeading
@@ -27,6 +28,7 @@ from edge_agent.inertial.stride_error import (
     lost_covariance,
 )
 from edge_agent.inertial.stride_path import StridePath
+from edge_agent.inertial.wearing import Wearing
 from edge_agent.mounts.interface import Faults, Increment
 from edge_agent.sources.recording import Recording
 from shared.maths.angles import wrap_rad
@@ -62,9 +64,10 @@ class EskfBootMount:
         self._compass = MagneticHeading()
         self._fields: deque[tuple[int, Vector3]] = deque(maxlen=CAPACITY)
         self._start: Heading | None = None
-        self._facing_rad = 0.0
+        self._wearing = Wearing()
+        self._ahead_rad = 0.0
         self._frame_turn_rad = 0.0
-        self._agent_from_tracker_rad = 0.0
+        self._tracker_heading_rad = 0.0
         self._heading_rad = 0.0
         self._stood_m: Vector3 = (0.0, 0.0, 0.0)
         self._stood_rad2 = 0.0
@@ -78,7 +81,7 @@ class EskfBootMount:
 
     @property
     def heading_rad(self) -> float:
-        """Heading at the end of the last increment; that of setting out, before."""
+        """How the wearer faces at the end of the last increment; before the first, the sensor."""
         if self._start is None:
             return self._heading_to_start_with().heading_rad
         return self._heading_rad
@@ -87,6 +90,11 @@ class EskfBootMount:
     def heading_sd_rad(self) -> float:
         """How well the heading is known at setting out, or was."""
         return (self._start or self._heading_to_start_with()).sd_rad
+
+    @property
+    def worn(self) -> str | None:
+        """How the sensor is worn, in words; ``None`` until gait has told."""
+        return self._wearing.words()
 
     def step(self, sample: ImuSample) -> Increment | None:
         """Take in the next sample; return the movement that it completes, if it does."""
@@ -125,9 +133,9 @@ class EskfBootMount:
         return done
 
     def _face(self) -> None:
-        """Note how the boot faces where it stands, until it sets out."""
+        """Note how the sensor faces where the boot stands, until it sets out."""
         if self._start is None:
-            self._facing_rad = heading_of(self._tracker.stance_nav_from_body)
+            self._ahead_rad = heading_of(self._tracker.stance_nav_from_body)
 
     def _follow(self, strides: Sequence[Stride]) -> None:
         """Tell strides, or keep them; and what was amiss with the samples."""
@@ -156,7 +164,7 @@ class EskfBootMount:
         offset = self._compass.offset()
         if offset.sd_rad == UNKNOWN_HEADING_SD_RAD:
             return offset
-        return Heading(wrap_rad(self._facing_rad + offset.heading_rad), offset.sd_rad)
+        return Heading(wrap_rad(self._ahead_rad + offset.heading_rad), offset.sd_rad)
 
     def _take_stride(self, stride: Stride) -> None:
         """Tell a stride, or keep what is too little to tell."""
@@ -177,15 +185,25 @@ class EskfBootMount:
             self._stood_m = moved_m
             self._stood_rad2 += stride.covariance[3][3]
             return
+        if stride.kind == STRIDE:
+            self._wearing.add(
+                stride.displacement_m,
+                stride.lean,
+                stride.heading_rad,
+                stride.heading_change_rad,
+                stride.nav_from_body,
+            )
         self._done.append(self._moved(stride))
 
     def _set_off(self, stride: Stride) -> None:
         """Fix the frame that increments are told in: the boot has moved for the first time."""
         self._start = self._heading_to_start_with()
-        self._frame_turn_rad = self._start.heading_rad - self._facing_rad
-        began_rad = stride.heading_rad - stride.heading_change_rad
-        self._agent_from_tracker_rad = self._start.heading_rad - began_rad
-        self._heading_rad = self._start.heading_rad
+        if self._start.sd_rad == UNKNOWN_HEADING_SD_RAD:
+            north_m, east_m, _ = stride.displacement_m
+            self._frame_turn_rad = -math.atan2(east_m, north_m)
+        else:
+            self._frame_turn_rad = self._start.heading_rad - self._ahead_rad
+        self._tracker_heading_rad = stride.heading_rad - stride.heading_change_rad
         self._fields.clear()
 
     def _lost(self, stride: Stride) -> Increment:
@@ -227,18 +245,21 @@ class EskfBootMount:
         covariance: Covariance4,
         path: Sequence[PathPoint],
     ) -> Increment:
-        before_rad = self._heading_rad
-        self._heading_rad = wrap_rad(stride.heading_rad + self._agent_from_tracker_rad)
+        turned_rad = stride.heading_rad - self._tracker_heading_rad
+        self._tracker_heading_rad = stride.heading_rad
+        facing = self._wearing.facing
+        self._heading_rad = wrap_rad(stride.heading_rad + facing.offset_rad + self._frame_turn_rad)
         self._stood_m, self._stood_rad2 = (0.0, 0.0, 0.0), 0.0
         return Increment(
             stride.start_ns,
             stride.end_ns,
             displacement_m,
-            wrap_rad(self._heading_rad - before_rad),
+            wrap_rad(turned_rad),
             self._heading_rad,
             covariance,
             path,
             stride.carried_down_m,
+            facing.sd_rad,
         )
 
 

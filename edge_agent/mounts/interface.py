@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD
 from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.inertial.stride_error import Covariance4
 from edge_agent.sources.recording import Recording
@@ -18,10 +19,12 @@ class Increment(NamedTuple):
 
     ``displacement_m`` is north, east, down, from ``start_time_ns`` to ``end_time_ns``; before the
     start, and until the next increment starts, the wearer stands. ``heading_rad`` is how they face
-    at the end, ``d_heading_rad`` how far they turned since the last increment's end, standing
-    included. ``path`` is the way between, point by point from the start, for whoever scores it;
-    empty where the displacement is not known. ``carried_down_m``, of the displacement, was a
-    lift's.
+    at the end, ``facing_sd_rad`` how well it is known how the sensor is worn, and so how they face
+    once the frame is given. ``d_heading_rad`` is how far they turned since the last increment's
+    end, standing included; what was learnt meanwhile of how the sensor is worn is not in it, and
+    the covariance is of it. ``path`` is the way between, point by point from the start, for whoever
+    scores it; empty where the displacement is not known. ``carried_down_m``, of the displacement,
+    was a lift's.
     """
 
     start_time_ns: int
@@ -32,6 +35,7 @@ class Increment(NamedTuple):
     covariance: Covariance4
     path: Sequence[PathPoint]
     carried_down_m: float = 0.0
+    facing_sd_rad: float = UNKNOWN_HEADING_SD_RAD
 
 
 @dataclass
@@ -60,6 +64,10 @@ class Mount(Protocol):
     @property
     def heading_sd_rad(self) -> float:
         """How well the heading was known as the wearer set out."""
+
+    @property
+    def worn(self) -> str | None:
+        """How the sensor was found to be worn, in words; ``None`` as long as it was not."""
 
     def step(self, sample: ImuSample) -> Increment | None:
         """Take in the next sample; return the movement that it completes, if it does.

@@ -9,6 +9,7 @@ from edge_agent.inertial.sample_intake import take
 from edge_agent.mounts.boot import BootMount
 from edge_agent.mounts.boot_eskf import EskfBootMount
 from edge_agent.mounts.interface import Mount
+from edge_agent.mounts.upright import UprightMount
 from shared.compiled import is_kept
 
 MountName: TypeAlias = Literal["boot"]
@@ -18,7 +19,7 @@ DEFAULT_METHOD: MethodName = "eskf"
 
 _MOUNTS: dict[tuple[MountName, MethodName], Callable[[], Mount]] = {
     ("boot", "eskf"): EskfBootMount,
-    ("boot", "linear"): BootMount,
+    ("boot", "linear"): lambda: UprightMount(BootMount()),
 }
 
 

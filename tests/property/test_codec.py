@@ -21,7 +21,7 @@ every_topic = pytest.mark.parametrize("topic", list(TOPICS))
 WIRE_FIELDS = {
     "start": "event_time_ns sequence position heading_sd_rad mount method",
     "increment": "event_time_ns sequence start_time_ns d_north_m d_east_m d_down_m d_heading_rad "
-    "heading_rad covariance mount activity activity_confidence",
+    "heading_rad covariance mount activity activity_confidence facing_sd_rad",
     "alarm": "event_time_ns sequence kind phase confidence reason",
     "health": "event_time_ns sequence level findings",
     "imu": "event_time_ns sequence time_ns force_m_s2 rate_rad_s field_ut "
@@ -43,7 +43,7 @@ WIRE_FIELDS = {
 """What a version-1 receiver may count on: fields may be added here, none may go."""
 
 ADDED_SINCE = {
-    "activity", "activity_confidence", "pressure_pa", "pressure_rows",
+    "activity", "activity_confidence", "facing_sd_rad", "pressure_pa", "pressure_rows",
     "down_sd_m", "regions_m", "floors", "status", "reason",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""

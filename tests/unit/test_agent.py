@@ -170,6 +170,18 @@ def test_strides_say_what_they_were(agent: Agent, heard: list[Received]) -> None
     assert all(m.activity_confidence > 0.5 for m in walking)
 
 
+def test_how_the_sensor_is_worn_is_learnt_and_told(heard: list[Received]) -> None:
+    network = MemoryNetwork()
+    network.connect().subscribe("clew/**", heard.append)
+    sender = Sender(network.connect(), "fire", "responder", "r1")
+    walk(Agent(sender, make_mount("boot", "eskf"), "eskf", None))
+    said = list(messages(heard))
+    sds_rad = [m.facing_sd_rad for m in said if isinstance(m, OdometryIncrement)]
+    assert sds_rad[-1] < 0.3 < sds_rad[0]
+    findings = {words for m in said if isinstance(m, NodeHealth) for words in m.findings}
+    assert "Boot sensor found: its +x axis points forward, its +z axis down" in findings
+
+
 def still(agent: Agent, from_s: float, to_s: float, rate_rad_s: float = 0.0) -> None:
     for index in range(round(from_s * 100), round(to_s * 100)):
         reading = ImuSample(10**18 + index * 10_000_000, (0.0, 0.0, -9.81), (rate_rad_s, 0.0, 0.0))

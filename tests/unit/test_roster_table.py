@@ -115,7 +115,9 @@ def test_what_is_wrong_with_the_sensor_is_shown() -> None:
     health = NodeHealth(
         event_time_ns=at_ns(1.0), sequence=0, level="fault", findings=("Swap it", "Or not")
     )
-    sound = NodeHealth(event_time_ns=at_ns(2.0), sequence=1, level="ok", findings=())
+    sound = NodeHealth(
+        event_time_ns=at_ns(2.0), sequence=1, level="ok", findings=("Worn as it should be",)
+    )
     incident = incident_with(("r1", 1.0, health))
     assert rows(incident, 2.0)[0].fault == "Swap it"
     assert "Swap it" in shown(make_roster(incident, at_ns(2.0), SETTINGS))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import msgspec
@@ -145,6 +145,18 @@ def test_a_rate_unlike_the_nominal_one_is_found() -> None:
     told = reports(walk(98.0), SelfCheckSettings(nominal_rate_hz=100.0))
     assert told[-1].findings == ("Boot sensor reads 98.0 times a second, not 100: set it up",)
     assert reports(walk(), SelfCheckSettings(nominal_rate_hz=100.0))[-1].level == "ok"
+
+
+@pytest.mark.parametrize(("fault", "level"), [(None, "ok"), (stuck, "fault")])
+def test_how_the_sensor_is_worn_is_told_after_what_is_wrong(
+    fault: Callable[[ImuSample], ImuSample] | None, level: str
+) -> None:
+    check = SelfCheck(Faults())
+    check.worn = "Boot sensor found: its +x axis points forward, its +z axis down"
+    samples = walk() if fault is None else map(fault, walk())
+    told = [report for sample in samples if (report := check.take_sample(sample))]
+    assert worst(told)[0] == level
+    assert {report.findings[-1] for report in told} == {check.worn}
 
 
 def test_swings_without_an_end_are_found() -> None:
