@@ -135,6 +135,7 @@ class Incident:
         self._dating = Dating(self._senders)
         self._time_line = TimeLine(settings.time_line)
         self._tracker = make_fusion(settings.fusion)
+        self._doubted: set[tuple[str, Role, str]] = set()
         self._sequences: Counter[str] = Counter()
 
     @property
@@ -178,8 +179,16 @@ class Incident:
         return self._time_line.counts + self._tracker.counts + own
 
     def faults(self, role: Role, node_id: str, now_ns: int) -> list[str]:
-        """Return what is wrong with a node's clock or id at ``now_ns``, in words."""
-        return self._senders.faults(role, node_id, now_ns)
+        """Return what is wrong with a node at ``now_ns``, in words.
+
+        That is its clock or its id, and what the fusion doubts of it.
+        """
+        doubted = [
+            f"{doubt.words} ({doubt.certainty:.0%})"
+            for doubt in self._tracker.doubts
+            if (doubt.role, doubt.node_id) == (role, node_id)
+        ]
+        return self._senders.faults(role, node_id, now_ns) + doubted
 
     def take_notices(self) -> list[Notice]:
         """Return what is to be told for the first time since this was last asked."""
@@ -289,11 +298,20 @@ class Incident:
     def _outcome(self, event: Event) -> Iterator[Outgoing]:
         """Let the tracker have one event, and say what it changed."""
         self._give(event.key.node_id, event.dated)
+        self._tell_doubts()
         changes = self._tracker.take_changes()
         for responder_id, estimate in changes.estimates:
             yield self._track(responder_id, estimate)
         for dap_id, dap in changes.daps:
             yield self._dap_place(dap_id, dap)
+
+    def _tell_doubts(self) -> None:
+        for doubt in self._tracker.doubts:
+            kind = (doubt.kind, doubt.role, doubt.node_id)
+            if kind not in self._doubted:
+                self._doubted.add(kind)
+                detail = f"{doubt.role}: {doubt.words} ({doubt.certainty:.0%} certain)"
+                self._notices.append(Notice(f"doubt_{doubt.kind}", doubt.node_id, detail))
 
     def _give(self, node_id: str, message: Message) -> None:
         match message:

@@ -21,6 +21,7 @@ from shared.messages import (
     RssiPeak,
     TrackStart,
 )
+from shared.topics import Role
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -50,6 +51,17 @@ class Changes(NamedTuple):
     daps: list[tuple[str, InstalledDap]]
 
 
+class Doubt(NamedTuple):
+    """What is held to be wrong with a node since a time, in words, and how certain that is."""
+
+    kind: str
+    role: Role
+    node_id: str
+    since_ns: int
+    words: str
+    certainty: float
+
+
 class Fusion(Protocol):
     """Tracks of all responders on one map. What an event changes, ``take_changes`` tells."""
 
@@ -62,6 +74,10 @@ class Fusion(Protocol):
     @property
     def daps(self) -> Mapping[str, InstalledDap]:
         """The DAPs that stand, by id."""
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What is held to be wrong with nodes now; the same tuple until that changes."""
 
     def start(self, responder_id: str, start: TrackStart) -> None:
         """A responder's unit begins."""

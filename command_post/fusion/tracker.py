@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from command_post.fusion.dap_map import DapMap, InstalledDap
-from command_post.fusion.interface import Changes
+from command_post.fusion.interface import Changes, Doubt
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.track import Estimate, Track, origin
 from shared.messages import (
@@ -52,6 +52,11 @@ class Tracker:
     def estimates(self) -> dict[str, Estimate]:
         """The newest estimate of every responder, by id."""
         return {responder_id: track.estimate for responder_id, track in self._tracks.items()}
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Nothing: the published filter doubts nobody."""
+        return ()
 
     def start(self, responder_id: str, start: TrackStart) -> None:
         """Begin a track, or begin it again, unless the one there began then or later.

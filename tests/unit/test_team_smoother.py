@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 LENGTHS = (9, 1, 14)
 PLACES = 4
 UNITS = 4
+UNIT_SD = np.array([0.02, 0.001, 0.02, 0.001, 0.25, 0.001, 0.02, 0.003])
 
 
 def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
@@ -48,7 +49,7 @@ def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
         straight=np.array([(0.3, 0.1), (1.0, 0.1), (-2.0, 0.1)]),
         straight_at=np.array([1, 4, 11]),
         place=np.column_stack([chance.normal(0.0, 10.0, (PLACES, 2)), np.full(PLACES, 100.0)]),
-        unit_sd=np.array([0.02, 0.001]),
+        unit_sd=UNIT_SD,
         axis=np.array([0.0, 0.02]),
     )  # fmt: skip
     pose = chance.normal(0.0, 5.0, (int(first[-1]), 3)) * [1.0, 1.0, 0.1]

@@ -316,7 +316,11 @@ def _build(
         np.array([node for node, _ in turns], np.int64),
         straight, straight_at,
         np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
-        np.array([settings.scale_sd, settings.drift_sd_rad_s]),
+        np.array([
+            (settings.loose_scale_sd if start.is_loose else settings.scale_sd,
+             settings.drift_sd_rad_s)
+            for chain in chains for start in chain.starts
+        ]).ravel(),
         np.array([belief.axis_rad, belief.sd_rad]),
     )  # fmt: skip
     seen: dict[PlaceId, int] = {}

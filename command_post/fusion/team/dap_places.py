@@ -34,7 +34,7 @@ def daps_of(log: TeamLog, solved: Solved, heights: Heights) -> dict[str, Install
                     _within(ee, MOST_COVARIANCE_M2),
                 ),
             ),
-            installed_ns,
+            installed_ns if installed.said_ns is None else installed.said_ns,
             installed.installer_id,
         )
     return found

@@ -44,7 +44,7 @@ class Graph(NamedTuple):
     - ``straight`` (s, 2): direction of a straight move in the agent's frame, and how far it may be
       off the axis (rad); ``straight_at`` (s,): row of ``move``.
     - ``place`` (p, 3): what is known of each place beforehand: north, east, standard deviation (m).
-    - ``unit_sd`` (2,): what is known of a unit's scale and drift (rad/s).
+    - ``unit_sd`` (2 U,): what is known of scale and drift (rad/s) of each unit, unit after unit.
     - ``axis`` (2,): what is known of the axis, and its standard deviation (rad).
     """
 

@@ -33,12 +33,16 @@ NORTH, EAST, DOWN, HEADING, PLACE_M2, TURN_RAD2, DOWN_M2 = range(7)
 
 
 class Start(NamedTuple):
-    """A unit begins: when, where if it says so, and how well its frame is turned (rad)."""
+    """A unit begins: when, where if it says so, and how well its frame is turned (rad).
+
+    ``is_loose`` doubts its scale.
+    """
 
     time_ns: int
     sequence: int
     heading_sd_rad: float
     position: LocalPosition | None
+    is_loose: bool = False
 
 
 class Peak(NamedTuple):
@@ -66,11 +70,15 @@ class Height(NamedTuple):
 
 
 class Installed(NamedTuple):
-    """A DAP set down: when, by whom, or where."""
+    """A DAP set down: when, by whom, or where.
+
+    ``said_ns`` is the time that it gave itself, where another is supposed.
+    """
 
     time_ns: int
     installer_id: str | None
     position: LocalPosition | None
+    said_ns: int | None = None
 
 
 class Moves(NamedTuple):

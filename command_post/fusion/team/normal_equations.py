@@ -277,7 +277,7 @@ def _add_priors(graph: Graph, arrow: Floats, system: System) -> float:
     system.arrow_right[0] -= k * off_rad
     places_from = arrow.size - 2 * graph.place.shape[0]
     for column in range(1, places_from):
-        k = 1.0 / graph.unit_sd[(column - 1) % 2] ** 2
+        k = 1.0 / graph.unit_sd[column - 1] ** 2
         cost += k * arrow[column] ** 2
         system.arrow[column, column] += k
         system.arrow_right[column] -= k * arrow[column]

@@ -63,6 +63,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     turned_a_commit: Annotated[int, Meta(ge=1, le=10_000)] = 16
 
     scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.02
+    loose_scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25
+    doubts: bool = True
     drift_sd_rad_s: Radians = math.radians(0.05)
     stride_sd_m: Metres = 0.03
     stride_sd_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.025

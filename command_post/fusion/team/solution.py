@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from command_post.fusion.team.assembly import (
 )
 from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.log import Floats, Ints
+from command_post.fusion.team.suspicions import Suspicion
 from shared.compiled import compiled
 
 
@@ -28,11 +30,19 @@ class ChainSolution(NamedTuple):
     units: Floats
 
 
+class Held(NamedTuple):
+    """A suspicion that is held, and how much cheaper it makes the solution."""
+
+    suspicion: Suspicion
+    gain: float
+
+
 class Solution(NamedTuple):
     """The team as it was solved at ``time_ns``, at that cost, and what was believed of its axis.
 
     ``storeys_m`` are the heights (m down) on which it had walked; ``tie_scale`` is that of how far
-    passes lie from their DAPs.
+    passes lie from their DAPs; ``held`` is what was held against nodes, ``examined`` by how many
+    passes each was last judged.
     """
 
     time_ns: int
@@ -43,6 +53,13 @@ class Solution(NamedTuple):
     cost: float
     storeys_m: tuple[float, ...]
     tie_scale: float
+    held: tuple[Held, ...] = ()
+    examined: Mapping[str, int] = MappingProxyType({})
+
+    @property
+    def suspicions(self) -> tuple[Suspicion, ...]:
+        """What was held against nodes."""
+        return tuple(each.suspicion for each in self.held)
 
 
 NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf, (), 1.0)

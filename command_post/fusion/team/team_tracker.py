@@ -17,8 +17,9 @@ import numpy as np
 
 from command_post.fusion.cloud.cloud import Cloud
 from command_post.fusion.dap_map import InstalledDap
-from command_post.fusion.interface import Afterwards, Changes
+from command_post.fusion.interface import Afterwards, Changes, Doubt
 from command_post.fusion.team.dap_places import daps_of
+from command_post.fusion.team.doubts import doubts_of, examine
 from command_post.fusion.team.estimates import (
     Pose,
     estimate_of,
@@ -33,6 +34,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution
 from command_post.fusion.team.solving import Solved, commit, solve
+from command_post.fusion.team.suspicions import supposed
 from command_post.fusion.track import Estimate
 from shared.messages import (
     Contact,
@@ -71,6 +73,7 @@ class TeamTracker:
         self._clouds: dict[str, Cloud] = {}
         self._storeys_m = np.empty(0)
         self._estimates: dict[str, Estimate] = {}
+        self._doubts: tuple[Doubt, ...] = ()
         self._daps: dict[str, InstalledDap] = {}
         self._told_daps: dict[str, InstalledDap] = {}
         self._changed_daps: dict[str, InstalledDap] = {}
@@ -86,6 +89,11 @@ class TeamTracker:
     def estimates(self) -> Mapping[str, Estimate]:
         """The newest estimate of every responder, by id."""
         return MappingProxyType(self._estimates)
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What is held to be wrong with nodes, as of the last tick."""
+        return self._doubts
 
     def start(self, responder_id: str, start: TrackStart) -> None:
         """Begin a track, or go on with it from a new unit."""
@@ -151,13 +159,14 @@ class TeamTracker:
             return Afterwards({}, {})
         self._catch_up(latest)
         before = self._commits[-1] if self._commits else NOTHING
-        solved = commit(self._log, latest, before, self._settings)
+        log = supposed(self._log, before.suspicions)
+        solved = commit(log, latest, before, self._settings)
         if solved is None or not solved.is_sound:
             return Afterwards({}, {})
-        heights = solve_heights(self._log, solved.assembled, latest, self._settings)
+        heights = solve_heights(log, solved.assembled, latest, self._settings)
         return Afterwards(
             smoothed_tracks(solved, heights, self._settings),
-            daps_of(self._log, solved, heights),
+            daps_of(log, solved, heights),
         )
 
     def save(self) -> bytes:
@@ -229,12 +238,13 @@ class TeamTracker:
         self._catch_up(due_ns)
         before = self._commits[-1] if self._commits else NOTHING
         settings = self._settings
-        solved = solve(self._log, due_ns, before, before.belief, settings, settings.tick_iterations)
+        log = supposed(self._log, before.suspicions)
+        solved = solve(log, due_ns, before, before.belief, settings, settings.tick_iterations)
         self._solved_ns = due_ns
         if solved is not None:
             self.counts["unsolved"] += not solved.is_sound
             if solved.is_sound:
-                self._keep(due_ns, solved)
+                self._keep(log, due_ns, solved)
 
     def _catch_up(self, until_ns: int) -> None:
         """Make the commits that are missing before ``until_ns``, one for each time of events."""
@@ -245,20 +255,30 @@ class TeamTracker:
                 break
             if time_ns > done_ns:
                 before = self._commits[-1] if self._commits else NOTHING
-                solved = commit(self._log, time_ns, before, self._settings)
-                if solved is not None and solved.is_sound:
-                    heights = solve_heights(self._log, solved.assembled, time_ns, self._settings)
-                    levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
-                    self._commits.append(solved.solution(time_ns, levels_m, self._settings))
+                solution = self._committed(time_ns, before)
+                if solution is not None:
+                    self._commits.append(solution)
         del self._commits[:-COMMITS_KEPT]
 
-    def _keep(self, time_ns: int, solved: Solved) -> None:
-        heights = solve_heights(self._log, solved.assembled, time_ns, self._settings)
+    def _committed(self, time_ns: int, before: Solution) -> Solution | None:
+        solved = commit(supposed(self._log, before.suspicions), time_ns, before, self._settings)
+        if solved is None or not solved.is_sound:
+            return None
+        solved, held, examined = examine(self._log, time_ns, solved, before, self._settings)
+        solution = solved.solution(time_ns, (), self._settings)._replace(held=held, examined=examined)
+        log = supposed(self._log, solution.suspicions)
+        heights = solve_heights(log, solved.assembled, time_ns, self._settings)
+        levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
+        return solution._replace(storeys_m=levels_m)
+
+    def _keep(self, log: TeamLog, time_ns: int, solved: Solved) -> None:
+        heights = solve_heights(log, solved.assembled, time_ns, self._settings)
         if not heights.is_sound:
             self.counts["unsolved"] += 1
             return
         if self._commits:
             self._storeys_m = np.array(self._commits[-1].storeys_m)
+            self._doubts = doubts_of(self._commits[-1].held)
         for index, chain in enumerate(solved.assembled.chains):
             self._poses[chain.responder_id] = pose_of(solved, heights, index)
             log = self._log.responders[chain.responder_id]
@@ -271,12 +291,11 @@ class TeamTracker:
             self._estimates[chain.responder_id] = estimate
             if time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
                 self._changed[chain.responder_id] = estimate
-        self._keep_daps(solved, heights)
+        self._keep_daps(log, solved, heights)
 
-    def _keep_daps(self, solved: Solved, heights: Heights) -> None:
-        self._daps = daps_of(self._log, solved, heights)
-        for dap_id, dap in self._daps.items():
-            told = self._told_daps.get(dap_id)
+    def _keep_daps(self, log: TeamLog, solved: Solved, heights: Heights) -> None:
+        for dap_id, dap in daps_of(log, solved, heights).items():
+            before = self._daps.get(dap_id)
             if (
                 told is None
                 or told.installed_ns != dap.installed_ns

@@ -1,0 +1,330 @@
+"""What is wrong with a node, found by what explains the team's passes at the least cost (pure).
+
+After each commit, nodes whose passes stand out are suspected of this and that; the team is solved
+as if each suspicion were right, and the one is adopted that makes the solution cheaper by more
+than such a thing is unlikely beforehand. It is held while it goes on to explain half of that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from command_post.fusion.interface import Doubt
+from command_post.fusion.team.arithmetic import logarithm, sine_cosine
+from command_post.fusion.team.assembly import assemble
+from command_post.fusion.team.elimination import ENDS_ONLY
+from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.misfits import (
+    EXPECTED_COST,
+    STANDS_OUT,
+    Pass,
+    best_ahead_s,
+    best_since,
+    best_split,
+    by_key,
+    passes_of,
+    worst_bend,
+)
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.smoother import smooth
+from command_post.fusion.team.solution import NOTHING, Held, Solution, begin_from
+from command_post.fusion.team.solving import Solved, solve
+from command_post.fusion.team.suspicions import Suspicion, SuspicionKind, supposed
+from shared.topics import Role
+
+PRICE: Mapping[SuspicionKind, float] = {
+    "moved": 26.0,
+    "astray": 20.0,
+    "clock": 22.0,
+    "swapped": 22.0,
+    "renewed": 34.0,
+    "scale": 18.0,
+}
+"""How much cheaper a solution must become: twice the logarithm of how unlikely each is, with what
+its free parameters could explain by chance."""
+
+KEPT_SHARE = 0.5
+BETTER_BY = 6.0
+LEAST_MISFIT = 6.0
+MOST_SUSPECTS = 2
+LEAST_PASSES = 3
+TIMES_THE_REST = 3.0
+ASTRAY_AREA_M2 = 1500.0
+"""Over so much ground are passes spread that mean nothing."""
+
+TURNS_RAD = tuple(math.radians(each) for each in (0.0, -120.0, -60.0, 60.0, 120.0, 180.0))
+MOST_CERTAIN = 0.99
+
+
+class Verdict(NamedTuple):
+    """The solution with what is held against nodes, and how many passes each was judged by."""
+
+    solved: Solved
+    held: tuple[Held, ...]
+    examined: Mapping[str, int]
+
+
+class _Case(NamedTuple):
+    log: TeamLog
+    time_ns: int
+    settings: TeamSettings
+
+
+class _Node(NamedTuple):
+    """A node with its passes in the order of time, and how much they cost beyond the usual."""
+
+    role: Role
+    node_id: str
+    passes: list[Pass]
+    misfit: float
+
+    @property
+    def name(self) -> str:
+        return f"{self.role}/{self.node_id}"
+
+
+def examine(
+    log: TeamLog, time_ns: int, solved: Solved, before: Solution, settings: TeamSettings
+) -> Verdict:
+    """Return ``solved``, or the team solved anew with suspicions that explain it better.
+
+    ``solved`` is of ``log`` with what ``before`` held; ``log`` is as it was heard.
+    """
+    if not settings.doubts:
+        return Verdict(solved, (), {})
+    case = _Case(log, time_ns, settings)
+    verdict = Verdict(solved, before.held, dict(before.examined))
+    for held in before.held:
+        verdict = _reviewed(case, verdict, held)
+    return _suspected(case, verdict)
+
+
+def doubts_of(held: tuple[Held, ...]) -> tuple[Doubt, ...]:
+    """Return in words what is held against nodes, of either of two that are mistaken."""
+    return tuple(doubt for each in held for doubt in _worded(each))
+
+
+def _worded(held: Held) -> Iterator[Doubt]:
+    suspicion = held.suspicion
+    odds = math.exp(min(0.5 * (held.gain - PRICE[suspicion.kind]), 50.0))
+    certainty = min(odds / (1.0 + odds), MOST_CERTAIN)
+    ahead_s = suspicion.ahead_s
+    words = {
+        "moved": "has been moved: it is passed elsewhere",
+        "astray": "jammed or replayed: what it tells fits nobody, and is not used",
+        "clock": f"clock {abs(ahead_s):.1f} s {'ahead' if ahead_s > 0.0 else 'behind'}",
+        "swapped": f"radio swapped with {suspicion.other_id}",
+        "renewed": "boot unit changed or turned on the foot",
+        "scale": "strides too long or too short",
+    }[suspicion.kind]
+    yield Doubt(
+        suspicion.kind, suspicion.role, suspicion.node_id, suspicion.since_ns, words, certainty
+    )
+    if suspicion.kind == "swapped":
+        yield Doubt(
+            suspicion.kind, suspicion.role, suspicion.other_id, suspicion.since_ns,
+            f"radio swapped with {suspicion.node_id}", certainty,
+        )  # fmt: skip
+
+
+def _nodes(solved: Solved) -> list[_Node]:
+    passes = passes_of(solved)
+    chains = solved.assembled.chains
+    of_dap = by_key([each for each in passes if each.place[0] == "dap"], lambda each: each.place[1])
+    of_responder = by_key(passes, lambda each: chains[each.chain].responder_id)
+    found = [_Node("dap", dap_id, own, _misfit(own, passes)) for dap_id, own in of_dap.items()]
+    for responder_id, own in of_responder.items():
+        misfit = _misfit(own, passes) + _strain(solved, own[0].chain)
+        found.append(_Node("responder", responder_id, own, misfit))
+    return found
+
+
+def _misfit(own: list[Pass], passes: list[Pass]) -> float:
+    """Return how much some of a node's passes cost, or all of them beside other nodes'."""
+    own_cost = math.fsum(each.cost for each in own)
+    rest = max(len(passes) - len(own), 1)
+    rest_cost = (math.fsum(each.cost for each in passes) - own_cost) / rest
+    return math.fsum(max(each.cost - STANDS_OUT, 0.0) for each in own) + max(
+        own_cost - TIMES_THE_REST * rest_cost * len(own), 0.0
+    )
+
+
+def _strain(solved: Solved, index: int) -> float:
+    """Return how much a responder's turns, scales and drifts cost beyond the usual."""
+    strain = max(worst_bend(solved, index).cost - STANDS_OUT, 0.0)
+    first = 2 * solved.assembled.unit_first[index]
+    for unit in range(len(solved.assembled.chains[index].starts)):
+        own = slice(first + 2 * unit, first + 2 * unit + 2)
+        scale, drift = (solved.arrow[1:][own] / solved.assembled.graph.unit_sd[own]).tolist()
+        strain += max(scale * scale + drift * drift - EXPECTED_COST, 0.0)
+    return strain
+
+
+def _suspected(case: _Case, verdict: Verdict) -> Verdict:
+    """Return the verdict with the best of the suspicions against all nodes that stand out."""
+    nodes = _standing_out(verdict.solved)
+    kept = tuple(each.suspicion for each in verdict.held)
+    examined = dict(verdict.examined)
+    best: tuple[Solved, Held] | None = None
+    for role in ("dap", "responder"):
+        of_role = [node for node in nodes if node.role == role]
+        for node in sorted(of_role, key=lambda each: (-each.misfit, each.node_id))[:MOST_SUSPECTS]:
+            if examined.get(node.name) == len(node.passes):
+                continue
+            examined[node.name] = len(node.passes)
+            found = _best(case, verdict.solved, node, of_role, kept)
+            if found is not None and (best is None or _net(found[1]) > _net(best[1])):
+                best = found
+    if best is None or _net(best[1]) < 0.0:
+        return verdict._replace(examined=examined)
+    # What else stands out may be due to the same, and is looked at again.
+    return Verdict(best[0], (*verdict.held, best[1]), verdict.examined)
+
+
+def _standing_out(solved: Solved) -> list[_Node]:
+    return [node for node in _nodes(solved) if node.misfit > LEAST_MISFIT]
+
+
+def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
+    """Return the verdict with a suspicion that is held weighed again: kept, replaced or dropped."""
+    rest = tuple(each for each in verdict.held if each.suspicion != held.suspicion)
+    kept = tuple(each.suspicion for each in rest)
+    without = _solved_with(case, verdict.solved, kept, None)
+    if without is None:
+        return verdict
+    nodes = _nodes(without)
+    suspicion = held.suspicion
+    node = next(
+        (n for n in nodes if (n.role, n.node_id) == (suspicion.role, suspicion.node_id)), None
+    )
+    mark = f"held/{suspicion.role}/{suspicion.node_id}"
+    if node is None or verdict.examined.get(mark) == len(node.passes):
+        return verdict
+    examined = {**verdict.examined, mark: len(node.passes)}
+    gain = _gain(without, verdict.solved, suspicion, node)
+    best = _best(case, without, node, nodes, kept)
+    if best is not None and _net(best[1]) > max(gain - PRICE[suspicion.kind] + BETTER_BY, 0.0):
+        return Verdict(best[0], (*rest, best[1]), examined)
+    if gain < KEPT_SHARE * PRICE[suspicion.kind]:
+        return Verdict(without, rest, examined)
+    return Verdict(verdict.solved, (*rest, Held(suspicion, gain)), examined)
+
+
+def _net(held: Held) -> float:
+    return held.gain - PRICE[held.suspicion.kind]
+
+
+def _best(
+    case: _Case, solved: Solved, node: _Node, others: list[_Node], kept: tuple[Suspicion, ...]
+) -> tuple[Solved, Held] | None:
+    best: tuple[Solved, Held] | None = None
+    for suspicion in _against(solved, node, others):
+        tried = _solved_with(case, solved, kept, suspicion)
+        if tried is None:
+            continue
+        held = Held(suspicion, _gain(solved, tried, suspicion, node))
+        if best is None or _net(held) > _net(best[1]):
+            best = tried, held
+    return best
+
+
+def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: _Node) -> float:
+    gain = without.cost - solved.cost
+    if suspicion.kind == "astray":
+        for each in node.passes:
+            if each.dof and each.time_ns >= suspicion.since_ns:
+                gain -= 2.0 * logarithm(ASTRAY_AREA_M2 / (2.0 * math.pi * each.sd_m**2))
+    return gain
+
+
+def _against(solved: Solved, node: _Node, others: list[_Node]) -> Iterator[Suspicion]:
+    """Say what a node may be suspected of."""
+    first_ns = node.passes[0].time_ns
+    since = best_since(node.passes)
+    since_ns = _between(node.passes, since)
+    if node.role == "dap":
+        if len(node.passes) >= LEAST_PASSES:
+            split = best_split(node.passes)
+            if split is not None:
+                yield Suspicion("moved", "dap", node.node_id, _between(node.passes, split[0]))
+            # What one responder alone contradicts says more about them.
+            if len({each.chain for each in node.passes if each.cost > STANDS_OUT}) > 1:
+                for time_ns in sorted({first_ns, since_ns}):
+                    yield Suspicion("astray", "dap", node.node_id, time_ns)
+            ahead_s = best_ahead_s(solved, node.passes, of_responder=False)
+            yield Suspicion("clock", "dap", node.node_id, first_ns, ahead_s=ahead_s)
+        return
+    chain = node.passes[0].chain
+    begin_ns = int(solved.assembled.chains[chain].time_ns[0])
+    yield Suspicion("scale", "responder", node.node_id, begin_ns)
+    ahead_s = best_ahead_s(solved, node.passes, of_responder=True)
+    yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
+    for time_ns in sorted({worst_bend(solved, chain).time_ns, since_ns}):
+        if time_ns > begin_ns:
+            yield Suspicion("renewed", "responder", node.node_id, time_ns)
+    for other in others:
+        if other.role == "responder" and other.node_id != node.node_id:
+            for time_ns in sorted({0, since_ns}):
+                yield Suspicion("swapped", "responder", node.node_id, time_ns, other.node_id)
+
+
+def _between(passes: list[Pass], at: int) -> int:
+    """Return a time between a pass and the one before."""
+    if at == 0:
+        return passes[0].time_ns
+    return (passes[at - 1].time_ns + passes[at].time_ns) // 2
+
+
+def _solved_with(
+    case: _Case, begin: Solved, kept: tuple[Suspicion, ...], suspicion: Suspicion | None
+) -> Solved | None:
+    """Return the team solved as if all that were right, from ``begin`` and from nothing."""
+    suspicions = (*kept, suspicion) if suspicion else kept
+    log = supposed(case.log, suspicions)
+    before = begin.solution(case.time_ns, (), case.settings)
+    settings = case.settings
+    if suspicion is not None and suspicion.kind == "renewed":
+        return _turned_since(case, log, before, begin, suspicion)
+    tried = [
+        solve(log, case.time_ns, each, begin.belief, settings, settings.commit_iterations)
+        for each in ((before, NOTHING) if suspicion and suspicion.kind == "swapped" else (before,))
+    ]
+    sound = [each for each in tried if each is not None and each.is_sound]
+    return min(sound, key=lambda each: each.cost, default=None)
+
+
+def _turned_since(
+    case: _Case, log: TeamLog, before: Solution, begin: Solved, suspicion: Suspicion
+) -> Solved | None:
+    """Return the best of the solutions with a responder's way turned since their unit changed."""
+    assembled = assemble(log, case.time_ns, begin.belief, case.settings)
+    if assembled is None:
+        return None
+    start, arrow_start = begin_from(before, assembled)
+    index = next(
+        at for at, chain in enumerate(assembled.chains) if chain.responder_id == suspicion.node_id
+    )
+    chain, nodes = assembled.chains[index], assembled.nodes[index]
+    first, end = assembled.graph.first[index : index + 2].tolist()
+    link = first + int((chain.time_ns[nodes] < suspicion.since_ns).sum())
+    best: Solved | None = None
+    if link >= end:
+        return None
+    way_m = chain.way_m[nodes[link - first :]] - chain.way_m[nodes[link - first]]
+    for turn_rad in TURNS_RAD:
+        pose, arrow = start.copy(), arrow_start.copy()
+        turn = float(start[link - 1, 2]) + turn_rad
+        sine, cosine = sine_cosine(turn)
+        pose[link:end, 0] = pose[link - 1, 0] + cosine * way_m[:, 0] - sine * way_m[:, 1]
+        pose[link:end, 1] = pose[link - 1, 1] + sine * way_m[:, 0] + cosine * way_m[:, 1]
+        pose[link:end, 2] = turn
+        cost, _, ends, shared = smooth(
+            assembled.graph, pose, arrow, case.settings.commit_iterations,
+            case.settings.settled_m, ENDS_ONLY,
+        )  # fmt: skip
+        tried = Solved(assembled, pose, arrow, cost, ends, shared, begin.belief)
+        if tried.is_sound and (best is None or tried.cost < best.cost):
+            best = tried
+    return best

@@ -1,0 +1,183 @@
+"""How well a solved team explains each pass: what stands out, and where it would fit (pure)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from command_post.fusion.team.arithmetic import logarithm, sine_cosine
+from command_post.fusion.team.assembly import PlaceId
+from command_post.fusion.team.graph import PLACE_DOF, TURN_DOF
+from command_post.fusion.team.solving import Solved
+from shared.units import NS_PER_S
+
+EXPECTED_COST = 3.0
+"""Of a residual in the plane with Student's t of 4 degrees of freedom, on average."""
+
+STANDS_OUT = 9.0
+"""As much a residual of a move costs once in fifty at most."""
+
+AHEAD_S = (-3.0, -2.5, -2.0, -1.5, -1.0, 1.0, 1.5, 2.0, 2.5, 3.0)
+
+
+class Pass(NamedTuple):
+    """A place passed: by which chain, when, where that puts the place (m), and what it costs."""
+
+    chain: int
+    time_ns: int
+    place: PlaceId
+    north_m: float
+    east_m: float
+    sd_m: float
+    dof: float
+    cost: float
+
+
+def passes_of(solved: Solved) -> list[Pass]:
+    """Return all ties of a solution, with their costs, in the graph's order."""
+    graph = solved.assembled.graph
+    found = []
+    for (node, column, _), row in zip(graph.tie_at.tolist(), graph.tie.tolist(), strict=True):
+        north_m, east_m, sd_m, dof = row
+        chain = int(np.searchsorted(graph.first, node, side="right")) - 1
+        stance = solved.assembled.nodes[chain][node - int(graph.first[chain])]
+        pose = solved.pose[node].tolist()
+        sine, cosine = sine_cosine(pose[2])
+        north = pose[0] + cosine * north_m - sine * east_m
+        east = pose[1] + sine * north_m + cosine * east_m
+        place_n, place_e = solved.arrow[column : column + 2].tolist()
+        off2 = ((north - place_n) ** 2 + (east - place_e) ** 2) / sd_m**2
+        place = solved.assembled.places[(column - solved.assembled.place_column(0)) // 2]
+        time_ns = int(solved.assembled.chains[chain].time_ns[stance])
+        found.append(
+            Pass(chain, time_ns, place, north, east, sd_m, dof, robust_cost(off2, dof, 2.0))
+        )
+    return found
+
+
+def robust_cost(squared: float, dof: float, dimension: float) -> float:
+    """Return twice the negative log-likelihood of a residual, up to a constant."""
+    return (dof + dimension) * logarithm(1.0 + squared / dof) if dof else squared
+
+
+class Bend(NamedTuple):
+    """A move that does not go as its unit said, by the time of its end, and what that costs."""
+
+    time_ns: int
+    cost: float
+
+
+def worst_bend(solved: Solved, chain: int) -> Bend:
+    """Return the move of a responder whose turn costs most."""
+    graph, assembled = solved.assembled.graph, solved.assembled
+    first, end = graph.first[chain : chain + 2].tolist()
+    worst = Bend(0, 0.0)
+    row = first - chain
+    for at in range(end - first - 1):
+        node, scale, _ = graph.move_at[row + at].tolist()
+        duration_s, _, sd_rad = graph.move[row + at, 2:].tolist()
+        turned_rad = solved.pose[node + 1, 2] - solved.pose[node, 2]
+        off = float(turned_rad - solved.arrow[scale + 1] * duration_s) / sd_rad
+        cost = robust_cost(off * off, TURN_DOF, 1.0)
+        if cost > worst.cost:
+            one, other = assembled.nodes[chain][at : at + 2].tolist()
+            times = assembled.chains[chain].time_ns
+            worst = Bend((int(times[one]) + int(times[other])) // 2, cost)
+    return worst
+
+
+def scatter(passes: Sequence[Pass]) -> float:
+    """Return what passes of one place cost about the place that suits them best."""
+    if len(passes) < 2:
+        return 0.0
+    weight = [1.0 / each.sd_m**2 for each in passes]
+    off2: list[float] = []
+    for _ in range(6):
+        whole = math.fsum(weight)
+        north = math.fsum(w * p.north_m for w, p in zip(weight, passes, strict=True)) / whole
+        east = math.fsum(w * p.east_m for w, p in zip(weight, passes, strict=True)) / whole
+        off2 = [((p.north_m - north) ** 2 + (p.east_m - east) ** 2) / p.sd_m**2 for p in passes]
+        weight = [
+            6.0 / (PLACE_DOF + squared) / p.sd_m**2
+            for squared, p in zip(off2, passes, strict=True)
+        ]
+    return math.fsum(robust_cost(squared, PLACE_DOF, 2.0) for squared in off2)
+
+
+def best_split(passes: Sequence[Pass]) -> tuple[int, float] | None:
+    """Return where passes of a place, in order of time, split into two best, and what that gains.
+
+    Two at least must be on the later side.
+    """
+    best: tuple[int, float] | None = None
+    whole = scatter(passes)
+    for at in range(1, len(passes) - 1):
+        gain = whole - scatter(passes[:at]) - scatter(passes[at:])
+        if passes[at].time_ns > passes[at - 1].time_ns and (best is None or gain > best[1]):
+            best = (at, gain)
+    return best
+
+
+def best_since(passes: Sequence[Pass]) -> int:
+    """Return the first of the passes, in order of time, from which on they cost too much."""
+    best, most, summed = 0, -math.inf, 0.0
+    for at in range(len(passes) - 1, -1, -1):
+        summed += passes[at].cost - 2.0 * EXPECTED_COST
+        if summed > most:
+            best, most = at, summed
+    return best
+
+
+def best_ahead_s(solved: Solved, passes: Sequence[Pass], *, of_responder: bool) -> float:
+    """Return by how much a clock may be ahead, from the ways as solved.
+
+    A DAP's peaks happened that much earlier; what is said of a responder is that much later on
+    their own clock.
+    """
+    sign = 1.0 if of_responder else -1.0
+
+    def cost(ahead_s: float) -> float:
+        shifted = [
+            each._replace(north_m=north_m, east_m=east_m)
+            for each in passes
+            for north_m, east_m in [
+                place_at(solved, each.chain, each.time_ns + round(sign * ahead_s * NS_PER_S))
+            ]
+        ]
+        if not of_responder:
+            return scatter(shifted)
+        return math.fsum(_off_cost(solved, each) for each in shifted)
+
+    return min(AHEAD_S, key=cost)
+
+
+def _off_cost(solved: Solved, passed: Pass) -> float:
+    column = solved.assembled.place_column(solved.assembled.places.index(passed.place))
+    north_m, east_m = solved.arrow[column : column + 2].tolist()
+    off2 = ((passed.north_m - north_m) ** 2 + (passed.east_m - east_m) ** 2) / passed.sd_m**2
+    return robust_cost(off2, PLACE_DOF, 2.0)
+
+
+def place_at(solved: Solved, index: int, time_ns: int) -> tuple[float, float]:
+    """Return where a responder was (m) by the solution."""
+    chain, nodes = solved.assembled.chains[index], solved.assembled.nodes[index]
+    stance, north_m, east_m = chain.nearest(time_ns)
+    at = max(int(np.searchsorted(nodes, stance, side="right")) - 1, 0)
+    unit = solved.assembled.unit_first[index] + int(chain.unit[stance])
+    longer = 1.0 + float(solved.arrow[1 + 2 * unit])
+    way_n, way_e = (chain.way_m[stance] - chain.way_m[nodes[at]]).tolist()
+    north_m, east_m = longer * (north_m + way_n), longer * (east_m + way_e)
+    pose = solved.pose[int(solved.assembled.graph.first[index]) + at].tolist()
+    sine, cosine = sine_cosine(pose[2])
+    return pose[0] + cosine * north_m - sine * east_m, pose[1] + sine * north_m + cosine * east_m
+
+
+def by_key(passes: Sequence[Pass], key: Callable[[Pass], str]) -> dict[str, list[Pass]]:
+    """Return passes by what ``key`` makes of them, each in the order of time."""
+    found: dict[str, list[Pass]] = {}
+    for each in sorted(passes, key=lambda each: (each.time_ns, each.chain, each.place)):
+        found.setdefault(key(each), []).append(each)
+    return found
