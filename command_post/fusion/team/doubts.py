@@ -56,6 +56,7 @@ ASTRAY_AREA_M2 = 1500.0
 
 TURNS_RAD = tuple(math.radians(each) for each in (0.0, -120.0, -60.0, 60.0, 120.0, 180.0))
 MOST_CERTAIN = 0.99
+MOST_AHEAD_S = 3.0
 
 
 class Verdict(NamedTuple):
@@ -241,26 +242,36 @@ def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: _Node) ->
 
 def _against(solved: Solved, node: _Node, others: list[_Node]) -> Iterator[Suspicion]:
     """Say what a node may be suspected of."""
-    first_ns = node.passes[0].time_ns
-    since = best_since(node.passes)
-    since_ns = _between(node.passes, since)
+    since_ns = _between(node.passes, best_since(node.passes))
     if node.role == "dap":
-        if len(node.passes) >= LEAST_PASSES:
-            split = best_split(node.passes)
-            if split is not None:
-                yield Suspicion("moved", "dap", node.node_id, _between(node.passes, split[0]))
-            # What one responder alone contradicts says more about them.
-            if len({each.chain for each in node.passes if each.cost > STANDS_OUT}) > 1:
-                for time_ns in sorted({first_ns, since_ns}):
-                    yield Suspicion("astray", "dap", node.node_id, time_ns)
-            ahead_s = best_ahead_s(solved, node.passes, of_responder=False)
-            yield Suspicion("clock", "dap", node.node_id, first_ns, ahead_s=ahead_s)
+        yield from _against_dap(solved, node, since_ns)
+    else:
+        yield from _against_responder(solved, node, others, since_ns)
+
+
+def _against_dap(solved: Solved, node: _Node, since_ns: int) -> Iterator[Suspicion]:
+    first_ns = node.passes[0].time_ns
+    if len(node.passes) < LEAST_PASSES:
         return
+    split = best_split(node.passes)
+    if split is not None:
+        yield Suspicion("moved", "dap", node.node_id, _between(node.passes, split[0]))
+    # What one responder alone contradicts says more about them.
+    if len({each.chain for each in node.passes if each.cost > STANDS_OUT}) > 1:
+        for time_ns in sorted({first_ns, since_ns}):
+            yield Suspicion("astray", "dap", node.node_id, time_ns)
+    for ahead_s in _clocks_ahead_s(solved, node):
+        yield Suspicion("clock", "dap", node.node_id, first_ns, ahead_s=ahead_s)
+
+
+def _against_responder(
+    solved: Solved, node: _Node, others: list[_Node], since_ns: int
+) -> Iterator[Suspicion]:
     chain = node.passes[0].chain
     begin_ns = int(solved.assembled.chains[chain].time_ns[0])
     yield Suspicion("scale", "responder", node.node_id, begin_ns)
-    ahead_s = best_ahead_s(solved, node.passes, of_responder=True)
-    yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
+    for ahead_s in _clocks_ahead_s(solved, node):
+        yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
     for time_ns in sorted({worst_bend(solved, chain).time_ns, since_ns}):
         if time_ns > begin_ns:
             yield Suspicion("renewed", "responder", node.node_id, time_ns)
@@ -268,6 +279,12 @@ def _against(solved: Solved, node: _Node, others: list[_Node]) -> Iterator[Suspi
         if other.role == "responder" and other.node_id != node.node_id:
             for time_ns in sorted({0, since_ns}):
                 yield Suspicion("swapped", "responder", node.node_id, time_ns, other.node_id)
+
+
+def _clocks_ahead_s(solved: Solved, node: _Node) -> list[float]:
+    """Return by how much a clock may be ahead: as the ways suggest, which bent to it, or twice."""
+    ahead_s = best_ahead_s(solved, node.passes, of_responder=node.role == "responder")
+    return sorted({ahead_s, max(min(2.0 * ahead_s, MOST_AHEAD_S), -MOST_AHEAD_S)})
 
 
 def _between(passes: list[Pass], at: int) -> int:

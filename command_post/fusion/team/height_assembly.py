@@ -119,8 +119,10 @@ def _known(log: TeamLog, place: PlaceId, until_ns: int) -> tuple[float, float]:
     if said is not None:
         return said.down_m, max(said.sd_m, LEAST_SD_M)
     installed = next(each for each in log.daps[dap_id] if each.time_ns == installed_ns)
-    if installed.position is None or installed.said_ns is not None or (
-        installed.installer_id in log.responders
+    if (
+        installed.position is None
+        or installed.said_ns is not None
+        or (installed.installer_id in log.responders)
     ):
         return 0.0, UNKNOWN_HEIGHT_SD_M
     return installed.position.down_m, math.sqrt(0.1)

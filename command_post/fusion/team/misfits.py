@@ -101,8 +101,7 @@ def scatter(passes: Sequence[Pass]) -> float:
         east = math.fsum(w * p.east_m for w, p in zip(weight, passes, strict=True)) / whole
         off2 = [((p.north_m - north) ** 2 + (p.east_m - east) ** 2) / p.sd_m**2 for p in passes]
         weight = [
-            6.0 / (PLACE_DOF + squared) / p.sd_m**2
-            for squared, p in zip(off2, passes, strict=True)
+            6.0 / (PLACE_DOF + squared) / p.sd_m**2 for squared, p in zip(off2, passes, strict=True)
         ]
     return math.fsum(robust_cost(squared, PLACE_DOF, 2.0) for squared in off2)
 

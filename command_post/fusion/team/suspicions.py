@@ -156,9 +156,7 @@ def _loosen(log: TeamLog, suspicion: Suspicion) -> None:
     _put_starts(log, suspicion.node_id, own, loose)
 
 
-def _put_starts(
-    log: TeamLog, responder_id: str, own: ResponderLog, starts: list[Start]
-) -> None:
+def _put_starts(log: TeamLog, responder_id: str, own: ResponderLog, starts: list[Start]) -> None:
     log.responders[responder_id] = replace(own, starts=sorted(starts, key=lambda each: each[:2]))
 
 

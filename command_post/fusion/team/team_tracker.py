@@ -51,6 +51,7 @@ from shared.units import NS_PER_S
 
 COMMITS_KEPT = 720
 MOVED_DAP_M = 0.25
+MOST_REASON = 200
 
 
 class TeamTracker:
@@ -281,8 +282,8 @@ class TeamTracker:
             self._doubts = doubts_of(self._commits[-1].held)
         for index, chain in enumerate(solved.assembled.chains):
             self._poses[chain.responder_id] = pose_of(solved, heights, index)
-            log = self._log.responders[chain.responder_id]
-            cloud = cloud_before(solved, index, log, time_ns, self._settings)
+            own = log.responders[chain.responder_id]
+            cloud = cloud_before(solved, index, own, time_ns, self._settings)
             if cloud is None:
                 self._clouds.pop(chain.responder_id, None)
             else:
@@ -304,7 +305,19 @@ class TeamTracker:
                 self._told_daps[dap_id] = self._changed_daps[dap_id] = dap
 
     def _estimate(self, responder_id: str, now_ns: int) -> Estimate:
-        """Return where a responder is by ``now_ns``."""
+        """Return where a responder is by ``now_ns``, with what is doubted of them as a reason."""
+        estimate = self._located(responder_id, now_ns)
+        doubted = [
+            each.words
+            for each in self._doubts
+            if (each.role, each.node_id) == ("responder", responder_id)
+        ]
+        if not doubted:
+            return estimate
+        reason = "; ".join([estimate.reason, *doubted] if estimate.reason else doubted)
+        return estimate._replace(reason=reason[:MOST_REASON])
+
+    def _located(self, responder_id: str, now_ns: int) -> Estimate:
         log = self._log.responders[responder_id]
         pose = self._poses.get(responder_id) or first_pose(log, self._settings)
         estimate = estimate_of(pose, log, now_ns, self._storeys_m, self._settings)

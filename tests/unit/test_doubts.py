@@ -1,0 +1,163 @@
+"""One thing wrong with a patrol is named soon and does little harm; else nothing is doubted."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from command_post.fusion.interface import Doubt
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.team_tracker import TeamTracker
+from shared.messages import DapInstallation, OdometryIncrement, RssiPeak, TrackStart
+from tests.patrol_world import Faults, patrol
+from tests.stride_world import START_NS
+
+COMMIT_S = 10.0
+
+
+class Fused(NamedTuple):
+    """What became of a patrol.
+
+    ``named_s``: when each doubt was first raised; ``off_m`` (n, 2): time, error, by responder.
+    """
+
+    tracker: TeamTracker
+    named_s: dict[tuple[str, str], float]
+    off_m: dict[str, NDArray[np.float64]]
+
+    @property
+    def names(self) -> set[tuple[str, str]]:
+        """What is doubted of whom in the end."""
+        return {(doubt.kind, doubt.node_id) for doubt in self.tracker.doubts}
+
+    def mean_m(self, responder_id: str, since_s: float) -> float:
+        """Return a responder's mean error since a time."""
+        time_s, off_m = self.off_m[responder_id].T
+        return float(off_m[time_s > since_s].mean())
+
+
+def fused(seed: int, faults: Faults | None, *, doubting: bool = True) -> Fused:
+    world = patrol(seed, faults)
+    tracker = TeamTracker(TeamSettings(doubts=doubting))
+    named_s: dict[tuple[str, str], float] = {}
+    off_m: dict[str, list[tuple[float, float]]] = {name: [] for name in world.ways}
+    for node_id, message in world.heard:
+        time_s = (message.event_time_ns - START_NS) / 1e9
+        match message:
+            case TrackStart():
+                tracker.start(node_id, message)
+            case RssiPeak():
+                tracker.peak(node_id, message)
+            case DapInstallation():
+                tracker.install(node_id, message)
+            case OdometryIncrement():
+                tracker.move(node_id, message)
+                clock = faults.ahead_s if faults else None
+                own_s = time_s - (clock[1] if clock and clock[0] == node_id else 0.0)
+                place_m = world.place_m(node_id, own_s)
+                held = tracker.estimates[node_id]
+                off = math.hypot(held.north_m - place_m[0], held.east_m - place_m[1])
+                off_m[node_id].append((time_s, off))
+        for doubt in tracker.doubts:
+            named_s.setdefault((doubt.kind, doubt.node_id), time_s)
+    return Fused(tracker, named_s, {name: np.array(each) for name, each in off_m.items()})
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_nothing_is_doubted_where_nothing_is_wrong(seed: int) -> None:
+    assert fused(seed, None).named_s == {}
+
+
+@pytest.mark.parametrize(
+    ("faults", "name", "sufferer", "commits"),
+    [
+        (Faults(swapped=("r1", "r3")), ("swapped", "r1"), "r1", 5),
+        (Faults(renewed=("r3", math.radians(110.0))), ("renewed", "r3"), "r3", 6),
+        (Faults(since_s=60.0, scale=("r3", 1.2)), ("scale", "r3"), "r3", 12),
+        (Faults(since_s=60.0, ahead_s=("r2", 2.0)), ("clock", "r2"), "r2", 16),
+    ],
+    ids=lambda each: each[0] if isinstance(each, tuple) else "",
+)
+def test_what_is_wrong_with_a_responder_is_named_and_does_half_the_harm(
+    faults: Faults, name: tuple[str, str], sufferer: str, commits: int
+) -> None:
+    with_doubts, without = fused(1, faults), fused(1, faults, doubting=False)
+    assert with_doubts.named_s[name] < faults.since_s + commits * COMMIT_S
+    assert name in with_doubts.names
+    assert {kind for kind, _ in with_doubts.named_s} == {name[0]}
+    since_s = faults.since_s + commits * COMMIT_S
+    assert with_doubts.mean_m(sufferer, since_s) < 0.5 * without.mean_m(sufferer, since_s)
+
+
+def test_a_dap_that_was_moved_is_named_and_found_again() -> None:
+    found = fused(1, Faults(moved=("dap4", (3.0, 30.0))))
+    lost = fused(1, Faults(moved=("dap4", (3.0, 30.0))), doubting=False)
+    assert found.named_s.keys() == {("moved", "dap4")}
+    assert found.named_s["moved", "dap4"] < 150.0 + 5 * COMMIT_S
+    (doubt,) = found.tracker.doubts
+    assert 140.0 < (doubt.since_ns - START_NS) / 1e9 < 180.0
+    assert _off_m(found) < 2.0
+    assert _off_m(lost) > 10.0
+
+
+def _off_m(after: Fused) -> float:
+    place = after.tracker.daps["dap4"].position
+    return math.hypot(place.north_m - 3.0, place.east_m - 30.0)
+
+
+def test_a_jammed_dap_is_named_and_not_used() -> None:
+    faults = Faults(astray="dap4")
+    clean, found = fused(2, None), fused(2, faults)
+    harmed = fused(2, faults, doubting=False)
+    assert found.named_s.keys() == {("astray", "dap4")}
+    assert found.named_s["astray", "dap4"] < faults.since_s + 5 * COMMIT_S
+
+    def harm_m(after: Fused) -> float:
+        return sum(after.mean_m(name, 200.0) - clean.mean_m(name, 200.0) for name in clean.off_m)
+
+    assert harm_m(found) < 0.5 * harm_m(harmed)
+
+
+def test_a_daps_clock_is_put_right() -> None:
+    found = fused(2, Faults(ahead_s=("dap4", 2.0)))
+    assert found.named_s.keys() == {("clock", "dap4")}
+    (doubt,) = found.tracker.doubts
+    assert isinstance(doubt, Doubt)
+    assert doubt.words == "clock 2.0 s ahead"
+    assert 0.9 < doubt.certainty < 1.0
+
+
+def test_who_is_doubted_says_so_in_the_estimate() -> None:
+    found = fused(1, Faults(swapped=("r1", "r3")))
+    assert "radio swapped with r3" in found.tracker.estimates["r1"].reason
+    assert "radio swapped" not in found.tracker.estimates["r2"].reason
+
+
+def test_doubts_leave_no_trace_of_the_order_of_arrival() -> None:
+    world = patrol(1, Faults(swapped=("r1", "r3")))
+    in_order, late = TeamTracker(TeamSettings()), TeamTracker(TeamSettings())
+    held_back = [each for each in world.heard if isinstance(each[1], RssiPeak)]
+    others = [each for each in world.heard if not isinstance(each[1], RssiPeak)]
+    middle = len(held_back) // 2
+    for tracker, heard in (
+        (in_order, world.heard),
+        (late, [*others[:900], *held_back[:middle], *others[900:], *held_back[middle:]]),
+    ):
+        for node_id, message in heard:
+            match message:
+                case TrackStart():
+                    tracker.start(node_id, message)
+                case RssiPeak():
+                    tracker.peak(node_id, message)
+                case DapInstallation():
+                    tracker.install(node_id, message)
+                case OdometryIncrement():
+                    tracker.move(node_id, message)
+    one, other = in_order.afterwards(), late.afterwards()
+    assert one.daps == other.daps
+    for responder_id, track in one.tracks.items():
+        assert np.array_equal(track.position_m, other.tracks[responder_id].position_m)
