@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from command_post.fusion.team.chain import Chain, chain_of, place_nodes, turn_known
+from command_post.fusion.team.chain import Chain, chain_of, place_nodes, turn_known, unit_sd
 from command_post.fusion.team.graph import Graph, with_columns
 from command_post.fusion.team.log import Floats, Installed, Ints, Peak, TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -316,12 +316,7 @@ def _build(
         np.array([node for node, _ in turns], np.int64),
         straight, straight_at,
         np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
-        np.array([
-            (settings.loose_scale_sd if start.is_loose else settings.scale_sd,
-             settings.drift_sd_rad_s)
-            for chain in chains for start in chain.starts
-        ]).ravel(),
-        np.array([belief.axis_rad, belief.sd_rad]),
+        unit_sd(chains, settings), np.array([belief.axis_rad, belief.sd_rad]),
     )  # fmt: skip
     seen: dict[PlaceId, int] = {}
     by: dict[PlaceId, int] = {}

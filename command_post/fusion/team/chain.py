@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -169,3 +170,16 @@ def place_nodes(time_ns: Ints, length_m: Floats, wanted: Ints, node_m: float, no
 def turn_known(start: Start) -> bool:
     """Whether a unit knows how its frame is turned."""
     return start.heading_sd_rad < KNOWN_TURN_SD_RAD and math.isfinite(start.heading_sd_rad)
+
+
+def unit_sd(chains: Sequence[Chain], settings: TeamSettings) -> Floats:
+    """Return (2 U,) what is known beforehand of each unit's scale and drift."""
+    return np.array([
+        sd
+        for chain in chains
+        for start in chain.starts
+        for sd in (
+            settings.loose_scale_sd if start.is_loose else settings.scale_sd,
+            settings.drift_sd_rad_s,
+        )
+    ])  # fmt: skip

@@ -68,8 +68,11 @@ class Verdict(NamedTuple):
 
 
 class _Case(NamedTuple):
+    """What is judged: all solutions of it with passes as sharp, so that costs compare."""
+
     log: TeamLog
     time_ns: int
+    tie_scale: float
     settings: TeamSettings
 
 
@@ -95,7 +98,7 @@ def examine(
     """
     if not settings.doubts:
         return Verdict(solved, (), {})
-    case = _Case(log, time_ns, settings)
+    case = _Case(log, time_ns, before.tie_scale, settings)
     verdict = Verdict(solved, before.held, dict(before.examined))
     for held in before.held:
         verdict = _reviewed(case, verdict, held)
@@ -300,13 +303,14 @@ def _solved_with(
     """Return the team solved as if all that were right, from ``begin`` and from nothing."""
     suspicions = (*kept, suspicion) if suspicion else kept
     log = supposed(case.log, suspicions)
-    before = begin.solution(case.time_ns, (), case.settings)
+    before = begin.solution(case.time_ns, (), case.settings)._replace(tie_scale=case.tie_scale)
     settings = case.settings
     if suspicion is not None and suspicion.kind == "renewed":
         return _turned_since(case, log, before, begin, suspicion)
+    nothing = NOTHING._replace(tie_scale=case.tie_scale)
     tried = [
         solve(log, case.time_ns, each, begin.belief, settings, settings.commit_iterations)
-        for each in ((before, NOTHING) if suspicion and suspicion.kind == "swapped" else (before,))
+        for each in ((before, nothing) if suspicion and suspicion.kind == "swapped" else (before,))
     ]
     sound = [each for each in tried if each is not None and each.is_sound]
     return min(sound, key=lambda each: each.cost, default=None)
@@ -316,7 +320,7 @@ def _turned_since(
     case: _Case, log: TeamLog, before: Solution, begin: Solved, suspicion: Suspicion
 ) -> Solved | None:
     """Return the best of the solutions with a responder's way turned since their unit changed."""
-    assembled = assemble(log, case.time_ns, begin.belief, case.settings)
+    assembled = assemble(log, case.time_ns, begin.belief, case.tie_scale, case.settings)
     if assembled is None:
         return None
     start, arrow_start = begin_from(before, assembled)

@@ -266,7 +266,9 @@ class TeamTracker:
         if solved is None or not solved.is_sound:
             return None
         solved, held, examined = examine(self._log, time_ns, solved, before, self._settings)
-        solution = solved.solution(time_ns, (), self._settings)._replace(held=held, examined=examined)
+        solution = solved.solution(time_ns, (), self._settings)._replace(
+            held=held, examined=examined
+        )
         log = supposed(self._log, solution.suspicions)
         heights = solve_heights(log, solved.assembled, time_ns, self._settings)
         levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
@@ -295,8 +297,9 @@ class TeamTracker:
         self._keep_daps(log, solved, heights)
 
     def _keep_daps(self, log: TeamLog, solved: Solved, heights: Heights) -> None:
-        for dap_id, dap in daps_of(log, solved, heights).items():
-            before = self._daps.get(dap_id)
+        self._daps = daps_of(log, solved, heights)
+        for dap_id, dap in self._daps.items():
+            told = self._told_daps.get(dap_id)
             if (
                 told is None
                 or told.installed_ns != dap.installed_ns
