@@ -83,7 +83,8 @@ def _way(name: str, number: int) -> tuple[Floats, Floats]:
         count = max(round(float(np.hypot(*leg_m)) / STRIDE_M), 1)
         begin = places[-1]
         places += [begin + leg_m * (k + 1) / count for k in range(count)]
-    return 5.0 + 15.0 * number + STRIDE_S * np.arange(len(places)), np.array(places)
+    time_s = 5.0 + 15.0 * number + STRIDE_S * np.arange(len(places), dtype=np.float64)
+    return time_s, np.array(places)
 
 
 def _ahead_s(faults: Faults, node_id: str) -> float:
