@@ -119,7 +119,8 @@ def test_who_was_a_day_ahead_and_starts_again_right_is_believed(method: FusionMe
 
 
 def test_a_dap_whose_clock_is_behind_stands_where_its_installer_was_when_it_was_set_down() -> None:
-    incident, behind_s = Incident(IncidentSettings()), 120.0
+    settings = IncidentSettings(fusion=FusionSettings(method="published"))
+    incident, behind_s = Incident(settings), 120.0
     walk(incident, "r1", 0.0, range(1, 150))
     before_m = incident.estimates["r1"].north_m
     # It is not known to be behind until it says what only happens now.

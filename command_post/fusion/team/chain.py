@@ -25,6 +25,7 @@ from command_post.fusion.team.settings import TeamSettings
 from shared.compiled import compiled
 from shared.units import NS_PER_S
 
+MOST_LOST = 1000
 KNOWN_TURN_SD_RAD = 1.5
 """A heading known no better than this is not known."""
 
@@ -134,7 +135,8 @@ def _move_rows(moves: Moves, settings: TeamSettings) -> _Rows:
     """One row a move, with variances that allow for what an agent cannot know of itself."""
     step_m = moves.values[:, [NORTH, EAST]]
     length_m = np.hypot(step_m[:, 0], step_m[:, 1])
-    lost = np.maximum(np.diff(moves.sequence, prepend=moves.sequence[:1] - 1) - 1, 0)
+    gaps = np.diff(moves.sequence, prepend=moves.sequence[:1] - 1) - 1
+    lost = np.clip(gaps, 0, MOST_LOST)
     own_m2 = (settings.stride_sd_m + settings.stride_sd_share * length_m) ** 2
     place_m2 = moves.values[:, PLACE_M2] + own_m2 + (settings.lost_stride_m * lost) ** 2
     turn_rad2 = moves.values[:, TURN_RAD2] + (1.0 + lost) * settings.stride_turn_sd_rad**2

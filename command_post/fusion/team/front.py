@@ -20,13 +20,15 @@ from command_post.fusion.team.chain import turn_known
 from command_post.fusion.team.log import ResponderLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solving import Solved
-from command_post.fusion.track import Estimate
+from command_post.fusion.track import MOST_COORDINATE_M, MOST_COVARIANCE_M2, Estimate
 from shared.maths.angles import wrap_rad
 from shared.messages import OdometryIncrement
 
 UNKNOWN_TURN_SD_RAD = 3.0
 SEED = 1
 KNOWN_PLACE_SD_M = 5.0
+WIDEST_REGION_M = 10_000.0
+"""Nobody needs the outline of a wider one."""
 
 
 def cloud_before(
@@ -93,15 +95,26 @@ def told_by_cloud(
         steps = [Step(step_key(stream, each.event_time_ns), each) for each in since]
         cloud = advance(cloud, steps)[0]
     told = moments(cloud)
-    sd_m = math.sqrt(max(told.covariance_m2[0], told.covariance_m2[2]))
+    sd_m = math.sqrt(max(told.covariance_m2[0], told.covariance_m2[2], 0.0))
     if sd_m > settings.lost_sd_m and estimate.status in {"tracking", "dead_reckoning"}:
         reason = f"heading not known: may be {2.0 * sd_m:.0f} m off"
         estimate = estimate._replace(status="lost", reason=reason)
+    if not all(map(math.isfinite, (told.north_m, told.east_m, *told.covariance_m2))):
+        return estimate
+    nn, ne, ee = told.covariance_m2
     return estimate._replace(
-        north_m=told.north_m,
-        east_m=told.east_m,
-        covariance_m2=told.covariance_m2,
+        north_m=_within(told.north_m, MOST_COORDINATE_M),
+        east_m=_within(told.east_m, MOST_COORDINATE_M),
+        covariance_m2=(
+            _within(nn, MOST_COVARIANCE_M2),
+            _within(ne, MOST_COVARIANCE_M2),
+            _within(ee, MOST_COVARIANCE_M2),
+        ),
         heading_rad=wrap_rad(heading_rad + told.offset_rad),
         heading_sd_rad=told.offset_sd_rad,
-        regions_m=regions(cloud, told),
+        regions_m=regions(cloud, told) if sd_m < WIDEST_REGION_M else (),
     )
+
+
+def _within(value: float, bound: float) -> float:
+    return min(max(value, -bound), bound)

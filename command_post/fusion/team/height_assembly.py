@@ -14,6 +14,7 @@ from command_post.fusion.team.settings import TeamSettings
 
 UNKNOWN_HEIGHT_SD_M = 100.0
 LEAST_SD_M = 0.02
+MOST_M = 1e6
 LEVEL_SLOPE = 0.1
 """Walking that rises no steeper than this is walking on a storey."""
 
@@ -29,7 +30,9 @@ class Heights(NamedTuple):
     @property
     def is_sound(self) -> bool:
         """Whether they could be solved."""
-        return bool(np.isfinite(self.node_m2).all() and np.isfinite(self.place_m2).all())
+        return all(
+            bool((np.abs(each) < MOST_M).all()) for each in (self.node_m, self.place_m)
+        ) and all(bool(np.isfinite(each).all()) for each in self)
 
 
 def solve_heights(

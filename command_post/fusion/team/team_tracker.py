@@ -271,6 +271,8 @@ class TeamTracker:
         )
         log = supposed(self._log, solution.suspicions)
         heights = solve_heights(log, solved.assembled, time_ns, self._settings)
+        if not heights.is_sound:
+            return solution._replace(storeys_m=before.storeys_m)
         levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
         return solution._replace(storeys_m=levels_m)
 
