@@ -124,10 +124,15 @@ def fuse_logs(directory: Path, settings: IncidentSettings) -> Fused:
             evidence.add_wire(outgoing.key, outgoing.payload)
     for outgoing in incident.finish(now_ns):
         evidence.add_wire(outgoing.key, outgoing.payload)
+    add_afterwards(evidence, incident)
+    return Fused(evidence, handled_ms)
+
+
+def add_afterwards(evidence: Evidence, incident: Incident) -> None:
+    """Let the evidence have what the incident comes to with all that is known, if it can say."""
     after = incident.afterwards()
     if after is not None:
         evidence.add_afterwards(
             {name: Track(*track) for name, track in after.tracks.items()},
             {dap_id: vector_m(dap.position) for dap_id, dap in after.daps.items()},
         )
-    return Fused(evidence, handled_ms)

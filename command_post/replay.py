@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 from msgspec import structs
 
 from command_post.evidence import Evidence
+from command_post.incident import IncidentSettings
 from command_post.recording import Incident
 from shared.codec import Refusal, decode, parse_key
-from shared.mcap_reader import ReadReport, read_recording
+from shared.mcap_reader import ReadReport, RecordingError, read_recording
 
 
 class Difference(NamedTuple):
@@ -78,10 +79,26 @@ class ReplayReport:
         return "\n".join(lines)
 
 
-def replay(path: Path, incident: Incident, made_now: Evidence | None = None) -> ReplayReport:
+class Sides(NamedTuple):
+    """What was made of a recording's messages then, and what is made of them now."""
+
+    then: Evidence
+    now: Evidence
+
+
+def recorded_settings(path: Path) -> IncidentSettings:
+    """Return the settings a recording was made with. Raises ``RecordingError``."""
+    metadata = read_recording(path).metadata
+    try:
+        return IncidentSettings.from_metadata(metadata)
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from error
+
+
+def replay(path: Path, incident: Incident, sides: Sides | None = None) -> ReplayReport:
     """Let ``incident`` handle all that was received; compare what it makes with what was made.
 
-    ``made_now`` takes in what it makes.
+    ``sides`` take in both.
 
     The post's clock reads what it read then, so nothing depends on how fast this runs. An
     incident that was not finished in the recording is not finished here. Raises
@@ -93,13 +110,15 @@ def replay(path: Path, incident: Incident, made_now: Evidence | None = None) -> 
     for log_time_ns, _, key, payload, outgoing in recording:
         if outgoing:
             comparison.add(_RECORDED, key, payload)
+            if sides is not None:
+                sides.then.add_wire(key, payload)
             continue
         handled += 1
         comparison.begin_step()
         for made in incident.handle(key, payload, log_time_ns):
             comparison.add(_REPLAYED, made.key, made.payload)
-            if made_now is not None:
-                made_now.add_wire(made.key, made.payload)
+            if sides is not None:
+                sides.now.add_wire(made.key, made.payload)
     if recording.report.end_ns is not None:
         comparison.begin_step()
         for made in incident.finish(recording.report.end_ns):

@@ -14,10 +14,10 @@ from rich.table import Table
 
 from command_post.fusion.interface import Afterwards, SmoothedTrack
 from command_post.fusion.track_map import TrackMap, map_of
-from command_post.incident import Incident, IncidentSettings
-from command_post.replay import replay
+from command_post.incident import Incident
+from command_post.replay import recorded_settings, replay
 from shared.files import replace_atomically
-from shared.mcap_reader import RecordingError, read_recording
+from shared.mcap_reader import RecordingError
 from shared.messages import LocalPosition
 from shared.process import ExitCode
 
@@ -85,11 +85,7 @@ def afterwards(file: Path, *, output: Path | None = None, json: bool = False) ->
 
 def smoothed(file: Path) -> Afterwards | None:
     """Return what a recording comes to with all that is in it. Raises ``RecordingError``."""
-    try:
-        settings = IncidentSettings.from_metadata(read_recording(file).metadata)
-    except ValueError as error:
-        raise RecordingError(f"{file}: {error}") from error
-    incident = Incident(settings)
+    incident = Incident(recorded_settings(file))
     replay(file, incident)
     return incident.afterwards()
 

@@ -15,6 +15,7 @@ from command_post.evidence import Evidence
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.incident import Incident, IncidentSettings
 from command_post.picture import draw_tracks
+from command_post.replay import Sides, recorded_settings
 from command_post.replay import replay as replay_recording
 from command_post.score_table import score_table
 from command_post.track_difference import differences
@@ -51,15 +52,14 @@ def replay(
         Print the report as one JSON object.
 
     """
-    made = Evidence()
+    sides = Sides(Evidence(), Evidence())
     try:
-        told_settings = _other_settings(_settings_of(file), fusion, settings)
-        report = replay_recording(file, Incident(told_settings), made)
-        recorded = read_evidence(file)
+        told_settings = _other_settings(recorded_settings(file), fusion, settings)
+        report = replay_recording(file, Incident(told_settings), sides)
     except (RecordingError, ConfigError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
-    apart = differences(recorded.tracks("live"), made.tracks("live"))
+    apart = differences(sides.then.tracks("live"), sides.now.tracks("live"))
     if json:
         told = {
             "handled": report.handled,
@@ -82,14 +82,6 @@ def replay(
                 highlight=False,
             )
     return ExitCode.OK if report.identical else ExitCode.FAILURE
-
-
-def _settings_of(file: Path) -> IncidentSettings:
-    metadata = read_recording(file).metadata
-    try:
-        return IncidentSettings.from_metadata(metadata)
-    except ValueError as error:
-        raise RecordingError(f"{file}: {error}") from error
 
 
 def _other_settings(

@@ -176,14 +176,10 @@ class Track:
         self._estimates.append(
             Estimate(
                 time_ns=self._time_ns,
-                north_m=_within(cloud.north_m, MOST_COORDINATE_M),
-                east_m=_within(cloud.east_m, MOST_COORDINATE_M),
-                down_m=_within(self._down_m, MOST_COORDINATE_M),
-                covariance_m2=(
-                    _within(nn, MOST_COVARIANCE_M2),
-                    _within(ne, MOST_COVARIANCE_M2),
-                    _within(ee, MOST_COVARIANCE_M2),
-                ),
+                north_m=within(cloud.north_m, MOST_COORDINATE_M),
+                east_m=within(cloud.east_m, MOST_COORDINATE_M),
+                down_m=within(self._down_m, MOST_COORDINATE_M),
+                covariance_m2=told_covariance(nn, ne, ee),
                 heading_rad=wrap_rad((agent_heading_rad or 0.0) + cloud.heading_error_rad),
                 heading_sd_rad=math.pi if agent_heading_rad is None else cloud.heading_sd_rad,
                 last_proximity_time_ns=self._last_proximity_ns,
@@ -202,5 +198,15 @@ def origin(sd_m: float) -> LocalPosition:
     return LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(sd_m**2, 0.0, sd_m**2))
 
 
-def _within(value: float, bound: float) -> float:
+def told_covariance(nn: float, ne: float, ee: float) -> tuple[float, float, float]:
+    """Return a covariance (nn, ne, ee) as far as a message can carry it."""
+    return (
+        within(nn, MOST_COVARIANCE_M2),
+        within(ne, MOST_COVARIANCE_M2),
+        within(ee, MOST_COVARIANCE_M2),
+    )
+
+
+def within(value: float, bound: float) -> float:
+    """Return ``value``, or the bound that it is beyond."""
     return min(max(value, -bound), bound)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from command_post.proof.trial import RESPONDER, Heard, Trial, peaks_told, stands_at
 from shared.exercise import REHEARSAL_START_NS
-from shared.messages import LocalPosition, OdometryIncrement, TrackStart
+from shared.messages import LocalPosition, TrackStart
 from shared.rssi_peaks import PeakSettings
 from shared.simulation.chance import generator
-from shared.simulation.odometry import Stride, odometry_of
+from shared.simulation.odometry import as_increment, odometry_of
 from shared.simulation.odometry_errors import OdometrySettings
 from shared.simulation.retraced import walk_along
 from shared.units import NS_PER_S
@@ -89,23 +89,8 @@ def _boot(
     walk = walk_along(time_s, beacon_m, chance)
     for number, stride in enumerate(odometry_of(walk, settings, heading_sd_rad, chance)):
         end_ns = _time_ns(stride.end_s)
-        yield Heard(end_ns, "responder", RESPONDER, _increment(stride, number))
-
-
-def _increment(stride: Stride, sequence: int) -> OdometryIncrement:
-    d_north_m, d_east_m, d_down_m = stride.displacement_m
-    return OdometryIncrement(
-        event_time_ns=_time_ns(stride.end_s),
-        sequence=sequence,
-        start_time_ns=_time_ns(stride.start_s),
-        d_north_m=d_north_m,
-        d_east_m=d_east_m,
-        d_down_m=d_down_m,
-        d_heading_rad=stride.d_heading_rad,
-        heading_rad=stride.heading_rad,
-        covariance=stride.covariance,
-        mount="boot",
-    )
+        told = as_increment(stride, _time_ns(stride.start_s), end_ns, number)
+        yield Heard(end_ns, "responder", RESPONDER, told)
 
 
 def _time_ns(time_s: float) -> int:

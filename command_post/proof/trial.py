@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from command_post.confidence import inside95
 from command_post.evaluation.score_card import Radii, radii
-from command_post.evidence import Evidence, Method, Track
+from command_post.evidence import Evidence, Method
 from command_post.incident import Incident, IncidentSettings
+from command_post.rehearsal import add_afterwards
 from shared.codec import encode
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
 from shared.messages import DapInstallation, LocalPosition, Message, NodeId, RssiPeak
@@ -77,15 +78,7 @@ def try_out(trial: Trial, settings: IncidentSettings) -> Outcome:
             evidence.add_wire(told.key, told.payload)
     for told in incident.finish(now_ns):
         evidence.add_wire(told.key, told.payload)
-    after = incident.afterwards()
-    if after is not None:
-        evidence.add_afterwards(
-            {
-                name: Track(track.time_s, track.position_m, track.covariance_m2)
-                for name, track in after.tracks.items()
-            },
-            {},
-        )
+    add_afterwards(evidence, incident)
     live_m, live_inside = _errors(evidence, "live", trial)
     return Outcome(live_m, live_inside, *_errors(evidence, "after", trial))
 

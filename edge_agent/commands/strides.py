@@ -17,7 +17,7 @@ from shared.clock import ManualClock
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
 from shared.messages import Activity, Message, NodeId, OdometryIncrement, TrackStart, Truth, Vector3
 from shared.sender import Sender
-from shared.simulation.odometry import Stride, UnitStart, simulate_odometry
+from shared.simulation.odometry import Stride, UnitStart, as_increment, simulate_odometry
 from shared.simulation.odometry_errors import UnitFault
 from shared.simulation.scenario import Gait, Scenario
 from shared.simulation.walker import simulate_walk
@@ -106,7 +106,9 @@ def _message(said: _Told, time_s: float, sender: Sender, ahead_s: float) -> Mess
                 method=METHOD,
             )
         case Stride():
-            return _increment(said, event_ns, _time_ns(said.start_s + ahead_s), sender)
+            start_ns = _time_ns(said.start_s + ahead_s)
+            number = sender.next_sequence(OdometryIncrement)
+            return as_increment(said, start_ns, event_ns, number, ACTIVITIES[said.gait])
     north_m, east_m, down_m = said
     return Truth(
         event_time_ns=_time_ns(time_s),
@@ -114,24 +116,6 @@ def _message(said: _Told, time_s: float, sender: Sender, ahead_s: float) -> Mess
         north_m=north_m,
         east_m=east_m,
         down_m=down_m,
-    )
-
-
-def _increment(stride: Stride, end_ns: int, start_ns: int, sender: Sender) -> OdometryIncrement:
-    d_north_m, d_east_m, d_down_m = stride.displacement_m
-    return OdometryIncrement(
-        event_time_ns=end_ns,
-        sequence=sender.next_sequence(OdometryIncrement),
-        start_time_ns=start_ns,
-        d_north_m=d_north_m,
-        d_east_m=d_east_m,
-        d_down_m=d_down_m,
-        d_heading_rad=stride.d_heading_rad,
-        heading_rad=stride.heading_rad,
-        covariance=stride.covariance,
-        mount="boot",
-        activity=ACTIVITIES[stride.gait],
-        activity_confidence=1.0,
     )
 
 

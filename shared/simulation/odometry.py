@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.messages import LocalPosition, NodeId, Vector3
+from shared.messages import Activity, LocalPosition, NodeId, OdometryIncrement, Vector3
 from shared.simulation.chance import generator
 from shared.simulation.odometry_errors import OdometrySettings, UnitFault
 from shared.simulation.scenario import Gait, Scenario
@@ -53,6 +53,27 @@ class Stride(NamedTuple):
     heading_rad: float
     covariance: Covariance4
     gait: Gait
+
+
+def as_increment(
+    stride: Stride, start_ns: int, end_ns: int, sequence: int, activity: Activity = "unknown"
+) -> OdometryIncrement:
+    """Return a stride as an agent tells it, on a clock that dates it so; what it was, for sure."""
+    d_north_m, d_east_m, d_down_m = stride.displacement_m
+    return OdometryIncrement(
+        event_time_ns=end_ns,
+        sequence=sequence,
+        start_time_ns=start_ns,
+        d_north_m=d_north_m,
+        d_east_m=d_east_m,
+        d_down_m=d_down_m,
+        d_heading_rad=stride.d_heading_rad,
+        heading_rad=stride.heading_rad,
+        covariance=stride.covariance,
+        mount="boot",
+        activity=activity,
+        activity_confidence=0.0 if activity == "unknown" else 1.0,
+    )
 
 
 class _Drift(NamedTuple):

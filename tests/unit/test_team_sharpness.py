@@ -41,7 +41,7 @@ def learnt(log: TeamLog, rounds: int = 4) -> float:
     for number in range(1, rounds + 1):
         solved = commit(log, at_ns(END_S), before, SETTINGS)
         assert solved is not None
-        before = solved.solution(number, (), SETTINGS)
+        before = solved.solution(number, solved.tie_scale(SETTINGS))
     return before.tie_scale
 
 

@@ -53,6 +53,20 @@ def sine_cosine(angle_rad: float) -> tuple[float, float]:
 
 
 @compiled
+def rotated(angle_rad: float, north: float, east: float) -> tuple[float, float]:
+    """Return a vector turned clockwise."""
+    sine, cosine = sine_cosine(angle_rad)
+    return cosine * north - sine * east, sine * north + cosine * east
+
+
+@compiled
+def carried(pose: Floats, north: float, east: float) -> tuple[float, float]:
+    """Return the place reached from a ``pose`` (north, east, turn) by a way in its own frame."""
+    sine, cosine = sine_cosine(pose[2])
+    return pose[0] + cosine * north - sine * east, pose[1] + sine * north + cosine * east
+
+
+@compiled
 def logarithm(number: float) -> float:
     """Return the natural logarithm of a positive normal ``number``, to 1e-15.
 

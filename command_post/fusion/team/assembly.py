@@ -5,12 +5,19 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from command_post.fusion.team.chain import Chain, chain_of, place_nodes, turn_known, unit_sd
+from command_post.fusion.team.chain import (
+    Chain,
+    chain_of,
+    place_nodes,
+    straight_moves,
+    turn_known,
+    unit_sd,
+)
 from command_post.fusion.team.graph import Graph, with_columns
 from command_post.fusion.team.log import Floats, Installed, Ints, Peak, TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -69,6 +76,13 @@ class Assembled:
     def place_column(self, place: int) -> int:
         """The column at which a place stands in the arrow."""
         return 1 + 2 * self.units + 2 * place
+
+    def believing(self, belief: AxisBelief, settings: TeamSettings) -> Assembled:
+        """Return the same, with another belief of the building's axis."""
+        straight, straight_at = _straights(self.chains, self.nodes, belief, settings)
+        axis = np.array([belief.axis_rad, belief.sd_rad])
+        graph = self.graph._replace(straight=straight, straight_at=straight_at, axis=axis)
+        return replace(self, graph=graph)
 
 
 class _Tie(NamedTuple):
@@ -248,7 +262,7 @@ def _fixes(
     rows = []
     for index, chain in enumerate(chains):
         for unit, start in enumerate(chain.starts):
-            stance = 0 if unit == 0 else int(chain.links[unit - 1])
+            stance = chain.begin_of(unit)
             if start.position is not None:
                 sd_m = math.hypot(_sd_m(start.position), settings.start_sd_m)
                 at = (start.position.north_m, start.position.east_m)
@@ -301,7 +315,7 @@ def _build(
     straight, straight_at = _straights(chains, nodes, belief, settings)
     turns = [
         (
-            node_of[index][0 if unit == 0 else int(chain.links[unit - 1])],
+            node_of[index][chain.begin_of(unit)],
             start.heading_sd_rad if turn_known(start) else UNKNOWN_TURN_SD_RAD,
         )
         for index, chain in enumerate(chains)
@@ -382,18 +396,10 @@ def _straights(
     rows, at = [np.empty((0, 2))], [np.empty(0, np.int64)]
     row = 0
     for chain, of_chain in zip(chains, nodes, strict=True):
-        count = len(of_chain) - 1
-        if chain.responder_id in belief.chains and count:
-            way_m = np.diff(chain.way_m[of_chain], axis=0)
-            straight_m = np.hypot(way_m[:, 0], way_m[:, 1])
-            length_m = np.diff(chain.length_m[of_chain])
-            found = np.flatnonzero(
-                (straight_m > settings.straight_least_m)
-                & (straight_m >= settings.straight_share * length_m)
-            )
-            direction_rad = [math.atan2(east, north) for north, east in way_m[found].tolist()]
+        if chain.responder_id in belief.chains:
+            found, direction_rad = straight_moves(chain, of_chain, settings)
             sd_rad = np.full(len(found), settings.straight_sd_rad)
-            rows.append(np.column_stack([np.array(direction_rad), sd_rad]).reshape(-1, 2))
+            rows.append(np.column_stack([direction_rad, sd_rad]))
             at.append(row + found)
-        row += count
+        row += len(of_chain) - 1
     return np.concatenate(rows), np.concatenate(at)

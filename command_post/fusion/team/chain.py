@@ -50,6 +50,10 @@ class Chain(NamedTuple):
     links: Ints
     starts: list[Start]
 
+    def begin_of(self, unit: int) -> int:
+        """Return the stance at which a unit begins."""
+        return 0 if unit == 0 else int(self.links[unit - 1])
+
     def nearest(self, time_ns: int) -> tuple[int, float, float]:
         """Return the stance nearest in time, and how far in the agent's frame it was from there.
 
@@ -145,6 +149,21 @@ def _move_rows(moves: Moves, settings: TeamSettings) -> _Rows:
         step_m, length_m, np.column_stack([place_m2, turn_rad2]),
         np.column_stack([moves.values[:, DOWN], down_m2]),
     )  # fmt: skip
+
+
+def straight_moves(chain: Chain, nodes: Ints, settings: TeamSettings) -> tuple[Ints, Floats]:
+    """Return which moves from node to node are straight, and their directions (rad).
+
+    Directions are in the unit's frame.
+    """
+    way_m = np.diff(chain.way_m[nodes], axis=0)
+    straight_m = np.sqrt(way_m[:, 0] * way_m[:, 0] + way_m[:, 1] * way_m[:, 1])
+    length_m = np.diff(chain.length_m[nodes])
+    found = np.flatnonzero(
+        (straight_m > settings.straight_least_m)
+        & (straight_m >= settings.straight_share * length_m)
+    )
+    return found, np.array([math.atan2(east, north) for north, east in way_m[found].tolist()])
 
 
 @compiled

@@ -6,7 +6,7 @@ from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.team.height_assembly import Heights
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.solving import Solved
-from command_post.fusion.track import MOST_COORDINATE_M, MOST_COVARIANCE_M2
+from command_post.fusion.track import MOST_COORDINATE_M, told_covariance, within
 from shared.messages import LocalPosition
 
 
@@ -25,20 +25,12 @@ def daps_of(log: TeamLog, solved: Solved, heights: Heights) -> dict[str, Install
         installed = next(each for each in log.daps[dap_id] if each.time_ns == installed_ns)
         found[dap_id] = InstalledDap(
             LocalPosition(
-                north_m=_within(north_m, MOST_COORDINATE_M),
-                east_m=_within(east_m, MOST_COORDINATE_M),
-                down_m=_within(float(heights.place_m[place]), MOST_COORDINATE_M),
-                covariance_m2=(
-                    _within(nn, MOST_COVARIANCE_M2),
-                    _within(ne, MOST_COVARIANCE_M2),
-                    _within(ee, MOST_COVARIANCE_M2),
-                ),
+                north_m=within(north_m, MOST_COORDINATE_M),
+                east_m=within(east_m, MOST_COORDINATE_M),
+                down_m=within(float(heights.place_m[place]), MOST_COORDINATE_M),
+                covariance_m2=told_covariance(nn, ne, ee),
             ),
             installed_ns if installed.said_ns is None else installed.said_ns,
             installed.installer_id,
         )
     return found
-
-
-def _within(value: float, bound: float) -> float:
-    return min(max(value, -bound), bound)

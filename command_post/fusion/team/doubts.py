@@ -12,9 +12,8 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from command_post.fusion.interface import Doubt
-from command_post.fusion.team.arithmetic import logarithm, sine_cosine
+from command_post.fusion.team.arithmetic import logarithm
 from command_post.fusion.team.assembly import assemble
-from command_post.fusion.team.elimination import ENDS_ONLY
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.misfits import (
     EXPECTED_COST,
@@ -28,9 +27,8 @@ from command_post.fusion.team.misfits import (
     worst_bend,
 )
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.smoother import smooth
-from command_post.fusion.team.solution import NOTHING, Held, Solution, begin_from
-from command_post.fusion.team.solving import Solved, solve
+from command_post.fusion.team.solution import NOTHING, Held, Solution, begin_from, laid_out
+from command_post.fusion.team.solving import Solved, solve, solved_from
 from command_post.fusion.team.suspicions import Suspicion, SuspicionKind, supposed
 from shared.topics import Role
 
@@ -303,7 +301,7 @@ def _solved_with(
     """Return the team solved as if all that were right, from ``begin`` and from nothing."""
     suspicions = (*kept, suspicion) if suspicion else kept
     log = supposed(case.log, suspicions)
-    before = begin.solution(case.time_ns, (), case.settings)._replace(tie_scale=case.tie_scale)
+    before = begin.solution(case.time_ns, case.tie_scale)
     settings = case.settings
     if suspicion is not None and suspicion.kind == "renewed":
         return _turned_since(case, log, before, begin, suspicion)
@@ -335,17 +333,12 @@ def _turned_since(
         return None
     way_m = chain.way_m[nodes[link - first :]] - chain.way_m[nodes[link - first]]
     for turn_rad in TURNS_RAD:
-        pose, arrow = start.copy(), arrow_start.copy()
-        turn = float(start[link - 1, 2]) + turn_rad
-        sine, cosine = sine_cosine(turn)
-        pose[link:end, 0] = pose[link - 1, 0] + cosine * way_m[:, 0] - sine * way_m[:, 1]
-        pose[link:end, 1] = pose[link - 1, 1] + sine * way_m[:, 0] + cosine * way_m[:, 1]
-        pose[link:end, 2] = turn
-        cost, _, ends, shared = smooth(
-            assembled.graph, pose, arrow, case.settings.commit_iterations,
-            case.settings.settled_m, ENDS_ONLY,
+        pose = start.copy()
+        pose[link:end] = laid_out(start[link - 1], turn_rad, way_m)
+        tried = solved_from(
+            assembled, pose, arrow_start.copy(), begin.belief, case.settings,
+            case.settings.commit_iterations,
         )  # fmt: skip
-        tried = Solved(assembled, pose, arrow, cost, ends, shared, begin.belief)
         if tried.is_sound and (best is None or tried.cost < best.cost):
             best = tried
     return best

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from command_post.fusion.team.arithmetic import sine_cosine
+from command_post.fusion.team.arithmetic import rotated
 from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.height_assembly import Heights
 from command_post.fusion.team.heights import storey_shares
@@ -21,7 +21,7 @@ from command_post.fusion.team.log import (
 )
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solving import Solved
-from command_post.fusion.track import MOST_COORDINATE_M, MOST_COVARIANCE_M2, Estimate
+from command_post.fusion.track import MOST_COORDINATE_M, Estimate, told_covariance, within
 from shared.maths.angles import wrap_rad
 from shared.messages import FloorShare, TrackStatus
 from shared.units import NS_PER_S
@@ -111,18 +111,14 @@ def estimate_of(
     last = log.moves.last_heading_rad
     return Estimate(
         time_ns=max(time_ns, now_ns),
-        north_m=_within(pose.north_m + dn, MOST_COORDINATE_M),
-        east_m=_within(pose.east_m + de, MOST_COORDINATE_M),
-        down_m=_within(down_m, MOST_COORDINATE_M),
-        covariance_m2=(
-            _within(nn, MOST_COVARIANCE_M2),
-            _within(ne, MOST_COVARIANCE_M2),
-            _within(ee, MOST_COVARIANCE_M2),
-        ),
+        north_m=within(pose.north_m + dn, MOST_COORDINATE_M),
+        east_m=within(pose.east_m + de, MOST_COORDINATE_M),
+        down_m=within(down_m, MOST_COORDINATE_M),
+        covariance_m2=told_covariance(nn, ne, ee),
         heading_rad=wrap_rad(last + pose.turn_rad),
         heading_sd_rad=math.sqrt(turn_rad2),
         last_proximity_time_ns=log.near_ns,
-        down_sd_m=_within(down_sd_m, MOST_COORDINATE_M),
+        down_sd_m=within(down_sd_m, MOST_COORDINATE_M),
         floors=tuple(
             FloorShare(level_m, share)
             for level_m, share in storey_shares(down_m, down_sd_m, storeys_m)[:MOST_FLOORS]
@@ -136,8 +132,7 @@ def estimate_of(
 def _way_since(pose: Pose, since: Moves) -> tuple[float, float]:
     north = math.fsum(since.values[:, NORTH].tolist()) * (1.0 + pose.scale)
     east = math.fsum(since.values[:, EAST].tolist()) * (1.0 + pose.scale)
-    sine, cosine = sine_cosine(pose.turn_rad)
-    return cosine * north - sine * east, sine * north + cosine * east
+    return rotated(pose.turn_rad, north, east)
 
 
 def _covariance(
@@ -183,7 +178,3 @@ def _status(
     if untied_s > settings.untied_s:
         return "dead_reckoning", f"no DAP or crew passed for {untied_s:.0f} s"
     return "tracking", ""
-
-
-def _within(value: float, bound: float) -> float:
-    return min(max(value, -bound), bound)

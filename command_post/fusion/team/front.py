@@ -14,17 +14,16 @@ import numpy as np
 
 from command_post.fusion.cloud.chance import responder_stream, step_key
 from command_post.fusion.cloud.cloud import Cloud, Step, advance, moments, spawn
-from command_post.fusion.cloud.model import Mixture, Tie
+from command_post.fusion.cloud.model import ANY_HEADING_SD_RAD, Mixture, Tie
 from command_post.fusion.cloud.regions import regions
 from command_post.fusion.team.chain import turn_known
 from command_post.fusion.team.log import ResponderLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solving import Solved
-from command_post.fusion.track import MOST_COORDINATE_M, MOST_COVARIANCE_M2, Estimate
+from command_post.fusion.track import MOST_COORDINATE_M, Estimate, told_covariance, within
 from shared.maths.angles import wrap_rad
 from shared.messages import OdometryIncrement
 
-UNKNOWN_TURN_SD_RAD = 3.0
 SEED = 1
 KNOWN_PLACE_SD_M = 5.0
 WIDEST_REGION_M = 10_000.0
@@ -45,12 +44,12 @@ def cloud_before(
     ):
         return None
     begin_ns = chain.starts[unit].time_ns
-    stance = 0 if unit == 0 else int(chain.links[unit - 1])
+    stance = chain.begin_of(unit)
     nodes = solved.assembled.nodes[index]
     node = int(solved.assembled.graph.first[index]) + int(np.searchsorted(nodes, stance))
     place_m2 = settings.start_sd_m**2 if unit == 0 else 2.0 * float(chain.variance[stance, 0])
     mean = np.array([[*solved.pose[node, :2], 0.0, 0.0]])
-    spread = np.diag([place_m2, place_m2, UNKNOWN_TURN_SD_RAD**2, settings.scale_sd**2])
+    spread = np.diag([place_m2, place_m2, ANY_HEADING_SD_RAD**2, settings.scale_sd**2])
     stream = responder_stream(SEED, chain.responder_id)
     cloud = spawn(
         Mixture(np.ones(1), mean, spread[None]), settings.front_particles, step_key(stream, unit, 1)
@@ -103,18 +102,10 @@ def told_by_cloud(
         return estimate
     nn, ne, ee = told.covariance_m2
     return estimate._replace(
-        north_m=_within(told.north_m, MOST_COORDINATE_M),
-        east_m=_within(told.east_m, MOST_COORDINATE_M),
-        covariance_m2=(
-            _within(nn, MOST_COVARIANCE_M2),
-            _within(ne, MOST_COVARIANCE_M2),
-            _within(ee, MOST_COVARIANCE_M2),
-        ),
+        north_m=within(told.north_m, MOST_COORDINATE_M),
+        east_m=within(told.east_m, MOST_COORDINATE_M),
+        covariance_m2=told_covariance(nn, ne, ee),
         heading_rad=wrap_rad(heading_rad + told.offset_rad),
         heading_sd_rad=told.offset_sd_rad,
         regions_m=regions(cloud, told) if sd_m < WIDEST_REGION_M else (),
     )
-
-
-def _within(value: float, bound: float) -> float:
-    return min(max(value, -bound), bound)

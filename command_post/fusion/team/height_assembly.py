@@ -97,9 +97,8 @@ def _fixes(
     fixes = []
     for unit, start in enumerate(chain.starts):
         if start.position is not None or unit == 0:
-            stance = 0 if unit == 0 else int(chain.links[unit - 1])
             down_m = 0.0 if start.position is None else start.position.down_m
-            node = first + int(np.searchsorted(nodes, stance))
+            node = first + int(np.searchsorted(nodes, chain.begin_of(unit)))
             fixes.append(((down_m, settings.start_height_sd_m), node))
     for height in log.responders[chain.responder_id].heights:
         if height.time_ns <= until_ns:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from command_post.fusion.team.arithmetic import logarithm, sine_cosine
+from command_post.fusion.team.arithmetic import carried, logarithm
 from command_post.fusion.team.assembly import PlaceId
 from command_post.fusion.team.graph import PLACE_DOF, TURN_DOF
 from command_post.fusion.team.solving import Solved
@@ -44,10 +44,7 @@ def passes_of(solved: Solved) -> list[Pass]:
         north_m, east_m, sd_m, dof = row
         chain = int(np.searchsorted(graph.first, node, side="right")) - 1
         stance = solved.assembled.nodes[chain][node - int(graph.first[chain])]
-        pose = solved.pose[node].tolist()
-        sine, cosine = sine_cosine(pose[2])
-        north = pose[0] + cosine * north_m - sine * east_m
-        east = pose[1] + sine * north_m + cosine * east_m
+        north, east = carried(solved.pose[node], north_m, east_m)
         place_n, place_e = solved.arrow[column : column + 2].tolist()
         off2 = ((north - place_n) ** 2 + (east - place_e) ** 2) / sd_m**2
         place = solved.assembled.places[(column - solved.assembled.place_column(0)) // 2]
@@ -169,9 +166,8 @@ def place_at(solved: Solved, index: int, time_ns: int) -> tuple[float, float]:
     longer = 1.0 + float(solved.arrow[1 + 2 * unit])
     way_n, way_e = (chain.way_m[stance] - chain.way_m[nodes[at]]).tolist()
     north_m, east_m = longer * (north_m + way_n), longer * (east_m + way_e)
-    pose = solved.pose[int(solved.assembled.graph.first[index]) + at].tolist()
-    sine, cosine = sine_cosine(pose[2])
-    return pose[0] + cosine * north_m - sine * east_m, pose[1] + sine * north_m + cosine * east_m
+    node = int(solved.assembled.graph.first[index]) + at
+    return carried(solved.pose[node], north_m, east_m)
 
 
 def by_key(passes: Sequence[Pass], key: Callable[[Pass], str]) -> dict[str, list[Pass]]:

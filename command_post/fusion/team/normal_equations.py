@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from command_post.fusion.team.arithmetic import logarithm, sine_cosine
+from command_post.fusion.team.arithmetic import logarithm, rotated
 from command_post.fusion.team.graph import PLACE_DOF, TURN_DOF, Graph
 from shared.compiled import compiled
 
@@ -88,9 +88,7 @@ def _add_moves(graph: Graph, pose: Floats, arrow: Floats, system: System) -> flo
         c = a + 1
         scale = graph.move_at[row, 1]
         north, east, duration_s, sd_m, sd_rad = graph.move[row]
-        sine, cosine = sine_cosine(0.5 * (pose[a, 2] + pose[c, 2]))
-        vn = cosine * north - sine * east
-        ve = sine * north + cosine * east
+        vn, ve = rotated(0.5 * (pose[a, 2] + pose[c, 2]), north, east)
         un = (1.0 + arrow[scale]) * vn
         ue = (1.0 + arrow[scale]) * ve
         rn = pose[c, 0] - pose[a, 0] - un
@@ -191,9 +189,7 @@ def _add_ties(graph: Graph, pose: Floats, arrow: Floats, system: System) -> floa
         a = graph.tie_at[row, 0]
         place = graph.tie_at[row, 1]
         north, east, sd_m, dof = graph.tie[row]
-        sine, cosine = sine_cosine(pose[a, 2])
-        on = cosine * north - sine * east
-        oe = sine * north + cosine * east
+        on, oe = rotated(pose[a, 2], north, east)
         rn = pose[a, 0] + on - arrow[place]
         re = pose[a, 1] + oe - arrow[place + 1]
         weight, penalty = _robust((rn * rn + re * re) / (sd_m * sd_m), dof, 2.0)
@@ -219,9 +215,7 @@ def _add_fixes(graph: Graph, pose: Floats, system: System) -> float:
     for row in range(graph.fix.shape[0]):
         a = graph.fix_at[row]
         north, east, place_north, place_east, sd_m, dof = graph.fix[row]
-        sine, cosine = sine_cosine(pose[a, 2])
-        on = cosine * north - sine * east
-        oe = sine * north + cosine * east
+        on, oe = rotated(pose[a, 2], north, east)
         rn = pose[a, 0] + on - place_north
         re = pose[a, 1] + oe - place_east
         weight, penalty = _robust((rn * rn + re * re) / (sd_m * sd_m), dof, 2.0)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from command_post.fusion.team.arithmetic import sine_cosine
+from command_post.fusion.team.arithmetic import carried
 from command_post.fusion.team.assembly import Assembled
 from command_post.fusion.team.graph import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
@@ -44,9 +44,9 @@ def _squared(tie: Floats, tie_at: Ints, rows: Ints, pose: Floats, arrow: Floats)
     for k in range(rows.size):
         north, east, sd_m, _ = tie[rows[k]]
         node, place, _ = tie_at[rows[k]]
-        sine, cosine = sine_cosine(pose[node, 2])
-        off_north = pose[node, 0] + cosine * north - sine * east - arrow[place]
-        off_east = pose[node, 1] + sine * north + cosine * east - arrow[place + 1]
+        at_north, at_east = carried(pose[node], north, east)
+        off_north = at_north - arrow[place]
+        off_east = at_east - arrow[place + 1]
         off2[k] = (off_north * off_north + off_east * off_east) / (sd_m * sd_m)
     return off2
 

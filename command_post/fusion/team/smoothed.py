@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from command_post.fusion.interface import SmoothedTrack
-from command_post.fusion.team.arithmetic import sine_cosine
+from command_post.fusion.team.arithmetic import rotated
 from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.elimination import EVERY_NODE
 from command_post.fusion.team.height_assembly import Heights
@@ -62,6 +62,5 @@ def _ways(
 
 
 def _turned(turn_rad: Floats, scale: Floats, way_m: Floats) -> Floats:
-    sine, cosine = np.array([sine_cosine(turn) for turn in turn_rad.tolist()]).T
-    north, east = way_m.T * (1.0 + scale)
-    return np.column_stack([cosine * north - sine * east, sine * north + cosine * east])
+    rows = np.column_stack([turn_rad, way_m * (1.0 + scale)[:, None]])
+    return np.array([rotated(*row) for row in rows.tolist()])

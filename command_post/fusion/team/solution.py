@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from command_post.fusion.team.arithmetic import sine_cosine
+from command_post.fusion.team.arithmetic import carried, sine_cosine
 from command_post.fusion.team.assembly import (
     NO_AXIS,
     Assembled,
@@ -51,8 +51,8 @@ class Solution(NamedTuple):
     axis_rad: float
     belief: AxisBelief
     cost: float
-    storeys_m: tuple[float, ...]
     tie_scale: float
+    storeys_m: tuple[float, ...] = ()
     held: tuple[Held, ...] = ()
     examined: Mapping[str, int] = MappingProxyType({})
 
@@ -62,7 +62,7 @@ class Solution(NamedTuple):
         return tuple(each.suspicion for each in self.held)
 
 
-NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf, (), 1.0)
+NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf, 1.0)
 
 
 def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
@@ -136,11 +136,9 @@ def _extended(
                 base += 1
             base_pose = base_pose.copy()
             base_pose[2] = 0.0
-        sine, cosine = sine_cosine(base_pose[2])
         north = (1.0 + scale[unit[stance]]) * (way_m[stance, 0] - way_m[base, 0])
         east = (1.0 + scale[unit[stance]]) * (way_m[stance, 1] - way_m[base, 1])
-        poses[index, 0] = base_pose[0] + cosine * north - sine * east
-        poses[index, 1] = base_pose[1] + sine * north + cosine * east
+        poses[index, 0], poses[index, 1] = carried(base_pose, north, east)
         poses[index, 2] = base_pose[2]
     return poses
 
@@ -152,7 +150,6 @@ def solution_of(
     arrow: Floats,
     belief: AxisBelief,
     cost: float,
-    storeys_m: tuple[float, ...],
     tie_scale: float,
 ) -> Solution:
     """Return what was solved, by time and name."""
@@ -168,7 +165,7 @@ def solution_of(
     for place, place_id in enumerate(assembled.places):
         column = assembled.place_column(place)
         places[place_id] = (float(arrow[column]), float(arrow[column + 1]))
-    return Solution(time_ns, chains, places, float(arrow[0]), belief, cost, storeys_m, tie_scale)
+    return Solution(time_ns, chains, places, float(arrow[0]), belief, cost, tie_scale)
 
 
 def turned(
@@ -176,22 +173,28 @@ def turned(
 ) -> tuple[Floats, Floats]:
     """Return poses and arrow with one responder's whole way turned about where it begins.
 
-    The places they installed go along, and their heading drift is forgotten.
+    It is laid out straight from there, as its units said; the places they installed go along.
     """
     chain: Chain = assembled.chains[chain_index]
-    first, end = (
-        int(assembled.graph.first[chain_index]),
-        int(assembled.graph.first[chain_index + 1]),
-    )
-    pose, arrow = pose.copy(), arrow.copy()
-    turn = float(pose[first, 2]) + turn_rad
-    sine, cosine = sine_cosine(turn)
+    first, end = assembled.graph.first[chain_index : chain_index + 2].tolist()
     way_m = chain.way_m[assembled.nodes[chain_index]] - chain.way_m[0]
-    pose[first:end, 0] = pose[first, 0] + cosine * way_m[:, 0] - sine * way_m[:, 1]
-    pose[first:end, 1] = pose[first, 1] + sine * way_m[:, 0] + cosine * way_m[:, 1]
-    pose[first:end, 2] = turn
+    laid = laid_out(pose[first], turn_rad, way_m)
+    pose, arrow = pose.copy(), arrow.copy()
+    pose[first:end] = laid
     for place, by in enumerate(assembled.installed_by):
         if by == chain_index:
             column = assembled.place_column(place)
             arrow[column : column + 2] = pose[assembled.seen_at[place], :2]
     return pose, arrow
+
+
+def laid_out(pose: Floats, turn_rad: float, way_m: Floats) -> Floats:
+    """Return poses (k, 3) along a way (k, 2) in a unit's frame, from ``pose`` turned further."""
+    turn = float(pose[2]) + turn_rad
+    sine, cosine = sine_cosine(turn)
+    north, east = way_m.T
+    return np.column_stack([
+        pose[0] + cosine * north - sine * east,
+        pose[1] + sine * north + cosine * east,
+        np.full(len(way_m), turn),
+    ])  # fmt: skip

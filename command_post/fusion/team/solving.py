@@ -15,7 +15,7 @@ from command_post.fusion.team.assembly import (
     AxisBelief,
     assemble,
 )
-from command_post.fusion.team.chain import turn_known
+from command_post.fusion.team.chain import straight_moves, turn_known
 from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.log import Floats, TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -51,15 +51,15 @@ class Solved(NamedTuple):
         """Whether there is a solution at all."""
         return math.isfinite(self.cost) and bool(np.isfinite(self.pose).all())
 
-    def solution(
-        self, time_ns: int, storeys_m: tuple[float, ...], settings: TeamSettings
-    ) -> Solution:
-        """Return it by time and name, with the storeys walked on, and how sharp peaks were."""
-        tie_scale = learnt_scale(self.assembled, self.pose, self.arrow, settings)
+    def tie_scale(self, settings: TeamSettings) -> float:
+        """Return how sharp peaks are by this solution."""
+        return learnt_scale(self.assembled, self.pose, self.arrow, settings)
+
+    def solution(self, time_ns: int, tie_scale: float) -> Solution:
+        """Return it by time and name, with how sharp peaks are held to be."""
         return solution_of(
-            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost, storeys_m,
-            tie_scale,
-        )  # fmt: skip
+            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost, tie_scale
+        )
 
 
 def solve(
@@ -70,16 +70,24 @@ def solve(
     assembled = assemble(log, time_ns, belief, before.tie_scale, settings)
     if assembled is None:
         return None
+    return _begun(assembled, before, belief, settings, iterations)
+
+
+def _begun(
+    assembled: Assembled, before: Solution, belief: AxisBelief, settings: TeamSettings,
+    iterations: int,
+) -> Solved:  # fmt: skip
     pose, arrow = begin_from(before, assembled)
     if belief.mode == "free" and before.belief.mode != "free":
         arrow[0] = belief.axis_rad
-    return _solved(assembled, pose, arrow, belief, settings, iterations)
+    return solved_from(assembled, pose, arrow, belief, settings, iterations)
 
 
-def _solved(
+def solved_from(
     assembled: Assembled, pose: Floats, arrow: Floats, belief: AxisBelief,
     settings: TeamSettings, iterations: int, covariance: int = ENDS_ONLY,
 ) -> Solved:  # fmt: skip
+    """Return the graph solved from ``pose`` and ``arrow``, which are improved in place."""
     cost, _, ends, shared = smooth(
         assembled.graph, pose, arrow, iterations, settings.settled_m, covariance
     )
@@ -92,7 +100,7 @@ def commit(log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings)
     if found is None:
         return None
     if settings.axis:
-        found = _with_axis(log, time_ns, before, found, settings)
+        found = _with_axis(before, found, settings)
     for chain in turned_at(time_ns, len(found.assembled.chains), settings):
         found = _with_other_headings(found, chain, settings)
     return found
@@ -110,9 +118,7 @@ def turned_at(time_ns: int, chains: int, settings: TeamSettings) -> list[int]:
     return sorted((first + k) % chains for k in range(most))
 
 
-def _with_axis(
-    log: TeamLog, time_ns: int, before: Solution, found: Solved, settings: TeamSettings
-) -> Solved:
+def _with_axis(before: Solution, found: Solved, settings: TeamSettings) -> Solved:
     """Return the solution under the belief of the building that explains the team's ways best."""
     held = before.belief.chains | {
         chain.responder_id
@@ -126,11 +132,13 @@ def _with_axis(
         AxisBelief("free", likely_rad, ANY_AXIS_SD_RAD, held),
         NO_AXIS,
     ):
-        tried = solve(log, time_ns, before, belief, settings, settings.commit_iterations)
-        if tried is not None:
-            # Hysteresis: the belief held so far has the better of a tie.
-            stays = settings.adopt_gain if belief.mode == before.belief.mode else 0.0
-            trials.append((_belief_cost(tried, settings) - stays, tried))
+        tried = found
+        if belief != found.belief:
+            believing = found.assembled.believing(belief, settings)
+            tried = _begun(believing, before, belief, settings, settings.commit_iterations)
+        # Hysteresis: the belief held so far has the better of a tie.
+        stays = settings.adopt_gain if belief.mode == before.belief.mode else 0.0
+        trials.append((_belief_cost(tried, settings) - stays, tried))
     return min(trials, key=lambda each: each[0])[1]
 
 
@@ -169,22 +177,13 @@ def _likely_axis(found: Solved, held: frozenset[str], settings: TeamSettings) ->
 
 
 def _directions_rad(found: Solved, held: frozenset[str], settings: TeamSettings) -> Floats:
-    directions = []
-    graph = found.assembled.graph
+    directions: list[float] = []
     for index, chain in enumerate(found.assembled.chains):
-        if chain.responder_id not in held:
-            continue
-        nodes = found.assembled.nodes[index]
-        way_m = np.diff(chain.way_m[nodes], axis=0)
-        length_m = np.diff(chain.length_m[nodes])
-        first = int(graph.first[index])
-        for at, (north, east) in enumerate(way_m.tolist()):
-            straight_m = math.sqrt(north * north + east * east)
-            if straight_m > settings.straight_least_m and (
-                straight_m >= settings.straight_share * length_m[at]
-            ):
-                turn_rad = 0.5 * (found.pose[first + at, 2] + found.pose[first + at + 1, 2])
-                directions.append(math.atan2(east, north) + turn_rad)
+        if chain.responder_id in held:
+            straight, own_rad = straight_moves(chain, found.assembled.nodes[index], settings)
+            at = int(found.assembled.graph.first[index]) + straight
+            turn_rad = 0.5 * (found.pose[at, 2] + found.pose[at + 1, 2])
+            directions += (own_rad + turn_rad).tolist()
     return np.array(directions)
 
 
@@ -197,7 +196,7 @@ def _with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> S
     best = found
     for turn_rad in KNOWN_TURNS_RAD if known else UNKNOWN_TURNS_RAD:
         pose, arrow = turned(assembled, found.pose, found.arrow, chain, turn_rad)
-        tried = _solved(
+        tried = solved_from(
             assembled, pose, arrow, found.belief, settings, settings.commit_iterations,
             NO_COVARIANCE,
         )  # fmt: skip
@@ -205,6 +204,6 @@ def _with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> S
             best = tried
     if best is found:
         return found
-    return _solved(
+    return solved_from(
         assembled, best.pose, best.arrow, best.belief, settings, settings.commit_iterations
     )

@@ -159,7 +159,7 @@ class TeamTracker:
         if latest is None:
             return Afterwards({}, {})
         self._catch_up(latest)
-        before = self._commits[-1] if self._commits else NOTHING
+        before = self._last_commit
         log = supposed(self._log, before.suspicions)
         solved = commit(log, latest, before, self._settings)
         if solved is None or not solved.is_sound:
@@ -192,6 +192,10 @@ class TeamTracker:
                 tracker._tell(responder_id)
         tracker.take_changes()
         return tracker
+
+    @property
+    def _last_commit(self) -> Solution:
+        return self._commits[-1] if self._commits else NOTHING
 
     def _latest_ns(self) -> int | None:
         times = [
@@ -237,7 +241,7 @@ class TeamTracker:
         if not self._log.responders:
             return
         self._catch_up(due_ns)
-        before = self._commits[-1] if self._commits else NOTHING
+        before = self._last_commit
         settings = self._settings
         log = supposed(self._log, before.suspicions)
         solved = solve(log, due_ns, before, before.belief, settings, settings.tick_iterations)
@@ -255,8 +259,7 @@ class TeamTracker:
             if time_ns > until_ns:
                 break
             if time_ns > done_ns:
-                before = self._commits[-1] if self._commits else NOTHING
-                solution = self._committed(time_ns, before)
+                solution = self._committed(time_ns, self._last_commit)
                 if solution is not None:
                     self._commits.append(solution)
         del self._commits[:-COMMITS_KEPT]
@@ -266,13 +269,13 @@ class TeamTracker:
         if solved is None or not solved.is_sound:
             return None
         solved, held, examined = examine(self._log, time_ns, solved, before, self._settings)
-        solution = solved.solution(time_ns, (), self._settings)._replace(
-            held=held, examined=examined
+        solution = solved.solution(time_ns, solved.tie_scale(self._settings))._replace(
+            held=held, examined=examined, storeys_m=before.storeys_m
         )
         log = supposed(self._log, solution.suspicions)
         heights = solve_heights(log, solved.assembled, time_ns, self._settings)
         if not heights.is_sound:
-            return solution._replace(storeys_m=before.storeys_m)
+            return solution
         levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
         return solution._replace(storeys_m=levels_m)
 
