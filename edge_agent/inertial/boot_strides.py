@@ -27,7 +27,7 @@ from edge_agent.inertial.eskf_parameters import (
     ParametersRecord,
 )
 from edge_agent.inertial.foot_mechanisation import rotation_matrix, turn_about_down, turn_nav
-from edge_agent.inertial.gap_bridging import bridge_gap
+from edge_agent.inertial.gap_bridging import bridge_gap, draw_line
 from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, STEP
 from edge_agent.inertial.saturation import watch_flat_tops
 from edge_agent.inertial.stride_smoothing import FILTERED, smooth_stride
@@ -192,6 +192,30 @@ def take_statistic(s: StateRecord, p: ParametersRecord, centre: int) -> None:
         s.still_since = centre
     if s.still_since >= 0 and centre - s.still_since >= p.zero_rate:
         s.zero_rate_first, s.zero_rate_last = s.still_since, centre
+
+
+@compiled
+def foresee_gap(
+    state: State, parameters: Parameters, missing: int, after: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return rows (``missing``×6) to hold the places of samples missing before ``after`` (6).
+
+    What will be bridged before the filter comes to it is a straight line meanwhile; in a longer gap
+    the filter comes to the first rows at once, and all must be as good as they can be by then.
+    """
+    s, p = state[0], parameters[0]
+    first, last = s.head, s.head + missing - 1
+    for slot in range(first, last + 1):
+        s.samples[slot & (CAPACITY - 1), STEP] = 1e-9 * s.period_ns
+    s.samples[(last + 1) & (CAPACITY - 1), :STEP] = after
+    if missing < p.half_window + p.look_ahead:
+        draw_line(s.samples, first, last)
+    else:
+        bridge_gap(s.samples, first, last, last + 2, p)
+    rows = np.empty((missing, STEP))
+    for slot in range(first, last + 1):
+        rows[slot - first] = s.samples[slot & (CAPACITY - 1), :STEP]
+    return rows
 
 
 @compiled

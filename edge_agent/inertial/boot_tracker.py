@@ -25,12 +25,11 @@ from edge_agent.inertial.boot_state import (
     lost_stride,
     stride_of,
 )
-from edge_agent.inertial.boot_strides import MOST_HELD, finish, mend_sample
+from edge_agent.inertial.boot_strides import MOST_HELD, finish, foresee_gap, mend_sample
 from edge_agent.inertial.eskf_parameters import (
     CAPACITY,
     EskfParameters,
     kernel_parameters,
-    windows_at,
 )
 from edge_agent.inertial.foot_mechanisation import turn_about_down, turn_nav
 from edge_agent.inertial.sample_clock import ClockState, place
@@ -121,10 +120,9 @@ class BootTracker:
 
     def _set_windows(self, rate_hz: float) -> None:
         """Fix the windows in samples; the rate may go on being refined, they stay."""
-        windows = windows_at(self._parameters, rate_hz)
         self._window_rate_hz = rate_hz
         self._kernel = kernel_parameters(self._parameters, rate_hz)
-        self._lag = windows.half_window + windows.look_ahead
+        self._lag = int(self._kernel["half_window"][0] + self._kernel["look_ahead"][0])
 
     @property
     def rate_hz(self) -> float | None:
@@ -133,10 +131,7 @@ class BootTracker:
 
     @property
     def _clock(self) -> ClockState:
-        s = self._state
-        return ClockState(
-            float(s["period_ns"][0]), float(s["taken_ns"][0]), float(s["jitter_ns"][0])
-        )
+        return ClockState(*(float(self._state[name][0]) for name in ClockState._fields))
 
     @property
     def filtered_ns(self) -> int | None:
@@ -339,13 +334,12 @@ class BootTracker:
         self._block, self._raw, self._waiting = 1, [], waiting
 
     def _hold_places(self, sample: ImuSample, missing: int, clock: ClockState) -> list[Stride]:
-        """Hold ``missing`` places on a straight line up to ``sample``, to be bridged when known."""
+        """Hold ``missing`` places up to ``sample``, to be bridged when more is known."""
         head = int(self._state["head"][0])
-        before = self._state["samples"][0, (head - 1) & (CAPACITY - 1), :6]
-        after = np.array([*sample.force_m_s2, *sample.rate_rad_s])
-        lines = np.linspace(before, after, missing + 2)[1:-1].tolist()
+        after = np.array([*sample.force_m_s2, *sample.rate_rad_s], dtype=np.float64)
+        rows = foresee_gap(self._state, self._kernel, missing, after).tolist()
         strides: list[Stride] = []
-        for i, (fx, fy, fz, wx, wy, wz) in enumerate(lines, 1):
+        for i, (fx, fy, fz, wx, wy, wz) in enumerate(rows, 1):
             now = clock._replace(taken_ns=clock.taken_ns + i * clock.period_ns)
             time_ns = round(now.taken_ns)
             held = ImuSample(time_ns, (fx, fy, fz), (wx, wy, wz))

@@ -71,7 +71,7 @@ class EskfParameters(NamedTuple):
     peak_cap: float = 1.0
     peak_doubt: float = 3.0
     bridged_force_sd_m_s2: float = 15.0
-    bridged_rate_sd_rad_s: float = 3.0
+    bridged_rate_sd_rad_s: float = 3.5
 
     # Zero-velocity and zero-rate updates.
     velocity_sd_m_s: float = 0.03
@@ -106,9 +106,12 @@ class EskfParameters(NamedTuple):
     down_placement_sd_m: float = 0.01
     down_correction_share: float = 0.7
 
-    # Bridging gaps with the wearer's last stride.
+    # Bridging gaps with the wearer's last strides.
     bridge_shortest_period_s: float = 0.35
-    bridge_longest_period_s: float = 2.2
+    bridge_longest_period_s: float = 10.0
+    bridge_apart_s: float = 0.25
+    bridge_force_fade_s: float = 0.01
+    bridge_rate_fade_s: float = 0.07
     bridge_margin_s: float = 0.10
     bridge_force_scale_m_s2: float = 10.0
     bridge_rate_scale_rad_s: float = 1.0
@@ -135,6 +138,9 @@ class Windows(NamedTuple):
     bridge_shortest: int
     bridge_longest: int
     bridge_margin: int
+    bridge_apart: int
+    bridge_force_fade: int
+    bridge_rate_fade: int
 
 
 def windows_at(parameters: EskfParameters, rate_hz: float) -> Windows:
@@ -164,6 +170,9 @@ def windows_at(parameters: EskfParameters, rate_hz: float) -> Windows:
         bridge_shortest=samples(parameters.bridge_shortest_period_s),
         bridge_longest=samples(parameters.bridge_longest_period_s),
         bridge_margin=samples(parameters.bridge_margin_s),
+        bridge_apart=samples(parameters.bridge_apart_s),
+        bridge_force_fade=samples(parameters.bridge_force_fade_s),
+        bridge_rate_fade=samples(parameters.bridge_rate_fade_s),
     )
 
 

@@ -14,7 +14,14 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from edge_agent.inertial.boot_state import OUTCOME, Outcome, State, StateRecord, initial_state
-from edge_agent.inertial.boot_strides import MOST_HELD, finish, mend_gap, mend_sample, step
+from edge_agent.inertial.boot_strides import (
+    MOST_HELD,
+    finish,
+    foresee_gap,
+    mend_gap,
+    mend_sample,
+    step,
+)
 from edge_agent.inertial.eskf_parameters import EskfParameters, Parameters, kernel_parameters
 from edge_agent.inertial.sample_clock import ClockState, place
 from shared.compiled import compiled
@@ -214,7 +221,18 @@ def compile_kernels() -> None:
     take_next(state, outcomes, kernel, 0, *reading)
     take(state, outcomes, kernel, 0, *reading)
     take_rows(state, outcomes, kernel, np.zeros(1, np.int64), resting, still, 0)
+    foresee_gap(state, kernel, 1, np.zeros(6))
     mend_sample(state, kernel, 0, resting[0], still[0])
     finish(state, outcomes, kernel)
-    for called in (place, judge, accept, take_next, take, take_rows, mend_sample, finish):
+    for called in (
+        place,
+        judge,
+        accept,
+        take_next,
+        take,
+        take_rows,
+        foresee_gap,
+        mend_sample,
+        finish,
+    ):
         cast(Dispatcher, called).disable_compile()

@@ -21,6 +21,6 @@ RESTORED = 8
 """What was added to each clipped axis of the angular rate (3), rad/s."""
 
 DOUBT = 11
-"""How far a bridged row is to be doubted, 0 to 1."""
+"""How far a bridged row is to be doubted, 0 to 2."""
 
 SAMPLE_WIDTH = 12
