@@ -135,6 +135,21 @@ def thinned(recording: Recording, chance: np.random.Generator, lost_share: float
     return recording.rows(np.flatnonzero(chance.random(len(recording)) >= lost_share))
 
 
+def repeated(recording: Recording, chance: np.random.Generator, share: float) -> Recording:
+    """Return what comes when a sample is sent twice with a probability of ``share``."""
+    times = 1 + (chance.random(len(recording)) < share)
+    return recording.rows(np.repeat(np.arange(len(recording)), times))
+
+
+def delayed(
+    recording: Recording, chance: np.random.Generator, share: float, longest_s: float
+) -> Recording:
+    """Return the order in which samples come, ``share`` of them late by up to ``longest_s``."""
+    late_ns = longest_s * NS_PER_S * chance.random(len(recording))
+    come_ns = recording.time_ns + np.where(chance.random(len(recording)) < share, late_ns, 0.0)
+    return recording.rows(np.argsort(come_ns, kind="stable"))
+
+
 def interrupted(recording: Recording, gap_s: float, every_s: float) -> Recording:
     """Return what is left when the last ``gap_s`` of each ``every_s`` are lost."""
     since_s = (recording.time_ns - recording.time_ns[0]) / NS_PER_S
@@ -193,7 +208,11 @@ DEGRADATIONS: dict[str, Degradation] = {
     "clock +0.5 %": Degradation(lambda recording, _: recording, clock_rate=1.005),
     "noise 0.1 m/s², 0.5 °/s": Degradation(noisy),
     "5 % lost at random": Degradation(partial(thinned, lost_share=0.05)),
+    "5 % sent twice": Degradation(partial(repeated, share=0.05)),
+    "5 % late by up to 0.1 s": Degradation(partial(delayed, share=0.05, longest_s=0.1)),
     "without barometer": _sure(partial(replace, pressure_pa=None)),
+    "0.05 s lost every 1 s": _sure(partial(interrupted, gap_s=0.05, every_s=1.0)),
     "0.2 s lost every 10 s": _sure(partial(interrupted, gap_s=0.2, every_s=10.0)),
+    "0.4 s lost every 10 s": _sure(partial(interrupted, gap_s=0.4, every_s=10.0)),
 }
 """By the name that tables give it. Gyro bias is on each axis."""

@@ -28,7 +28,7 @@ from edge_agent.inertial.eskf_parameters import (
 )
 from edge_agent.inertial.foot_mechanisation import rotation_matrix, turn_about_down, turn_nav
 from edge_agent.inertial.gap_bridging import bridge_gap, draw_line
-from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, STEP
+from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, RATE_DOUBT, STEP
 from edge_agent.inertial.saturation import watch_flat_tops
 from edge_agent.inertial.stride_smoothing import FILTERED, smooth_stride
 from edge_agent.inertial.zero_velocity import shoe_statistic
@@ -277,7 +277,7 @@ def step(
     row[STEP] = dt_s
     row[BRIDGED:] = 0.0
     if bridged:
-        row[BRIDGED] = row[DOUBT] = 1.0
+        row[BRIDGED] = row[DOUBT] = row[RATE_DOUBT] = 1.0
     s.time_ns[slot] = time_ns
     s.head = n + 1
     watch_flat_tops(s.samples, s.flat_tops, s.fastest_rad_s, n, p)

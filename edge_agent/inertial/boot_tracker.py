@@ -172,9 +172,9 @@ class BootTracker:
             )  # fmt: skip
         else:
             came = judge(self._state, sample.time_ns, *sample.force_m_s2, *sample.rate_rad_s)
-        if came != TAKEN:
-            return self._settle(came, sample)
-        return [] if direct else self._prepare(sample)
+        if came == TAKEN:
+            return [] if direct else self._prepare(sample)
+        return self._settle(came, sample)
 
     def step_rows(self, samples: Recording, first: int) -> tuple[int, list[Stride]]:
         """Take in samples from row ``first`` on, up to the first that completes strides.

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge_agent.inertial.eskf_parameters import ParametersRecord
-from edge_agent.inertial.sample_ring import DOUBT, RATE, STEP
+from edge_agent.inertial.sample_ring import DOUBT, RATE, RATE_DOUBT, STEP
 from shared.compiled import compiled
 
 LIKEST = 4
@@ -33,9 +33,13 @@ WORSE, MUCH_THE_SAME = 2.0, 0.02
 STEEPEST = 100.0
 """Of a hyperbolic sine's argument: a bend has long faded, and numbers stay finite."""
 
-DOUBTED_S = 0.2
-LEAST_DOUBT, MOST_DOUBT = 0.02, 2.0
-"""Doubt is 1 in a gap of ``DOUBTED_S`` whose disagreement is 1."""
+LIKE, UNLIKE = 0.05, 1.0
+"""Root of the least disagreement that is believed, and the disagreement of a straight line."""
+
+DOUBTED_S, TURNING_S = 0.2, 0.05
+MOST_DOUBT = 2.0
+"""Doubt is 1 in a gap of ``DOUBTED_S`` whose disagreement is 1. Angular rate is smooth: in a gap
+shorter than ``TURNING_S`` it is doubted less than force, as the gap is shorter."""
 
 Samples = NDArray[np.float64]
 
@@ -141,19 +145,19 @@ def bridge_gap(samples: Samples, first: int, last: int, head: int, p: Parameters
     mask = samples.shape[0] - 1
     shifts, disagreements = np.empty(LIKEST, np.int64), np.empty(LIKEST)
     found = find_likest(samples, first, last, head, shifts, disagreements, p)
-    doubt, total = MOST_DOUBT, 0.0
     if found == 0:
         draw_line(samples, first, last)
+        disagreements[0] = UNLIKE
     else:
-        for i in range(found):
-            total += 1.0 / (disagreements[i] + MUCH_THE_SAME)
+        weights = 1.0 / (disagreements[:found] + MUCH_THE_SAME)
         for slot in range(first, last + 1):
             samples[slot & mask, : RATE + 3] = 0.0
         for i in range(found):
-            weight = 1.0 / (disagreements[i] + MUCH_THE_SAME) / total
-            lay_in(samples, first, last, shifts[i], weight, p)
-        lasted_s = samples[first & mask, STEP] * (last - first + 1)
-        doubt = math.sqrt(disagreements[0] * lasted_s / DOUBTED_S)
+            lay_in(samples, first, last, shifts[i], weights[i] / weights.sum(), p)
+    lasted_s = samples[first & mask, STEP] * (last - first + 1)
+    unlike = max(LIKE, math.sqrt(disagreements[0]))
+    doubt = min(MOST_DOUBT, unlike * math.sqrt(lasted_s / DOUBTED_S))
     for slot in range(first, last + 1):
-        samples[slot & mask, DOUBT] = min(MOST_DOUBT, max(LEAST_DOUBT, doubt))
+        samples[slot & mask, DOUBT] = doubt
+        samples[slot & mask, RATE_DOUBT] = doubt * min(1.0, lasted_s / TURNING_S)
     return float(disagreements[0]) if found > 0 else -1.0

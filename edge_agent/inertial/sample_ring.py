@@ -20,7 +20,7 @@ BRIDGED = 7
 RESTORED = 8
 """What was added to each clipped axis of the angular rate (3), rad/s."""
 
-DOUBT = 11
-"""How far a bridged row is to be doubted, 0 to 2."""
+DOUBT, RATE_DOUBT = 11, 12
+"""How far a bridged row's specific force and angular rate are to be doubted, 0 to 2."""
 
-SAMPLE_WIDTH = 12
+SAMPLE_WIDTH = 13

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge_agent.inertial.eskf_parameters import ParametersRecord
-from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, RATE, RESTORED
+from edge_agent.inertial.sample_ring import BRIDGED, DOUBT, RATE, RATE_DOUBT, RESTORED
 from shared.compiled import compiled
 
 STATES = 17
@@ -142,7 +142,7 @@ def add_process_noise(
     rate_sd = p.rate_sd_rad_s + p.rate_sd_share * rate_norm
     if row[BRIDGED] > 0.0:
         force_sd = max(force_sd, row[DOUBT] * p.bridged_force_sd_m_s2)
-        rate_sd = max(rate_sd, row[DOUBT] * p.bridged_rate_sd_rad_s)
+        rate_sd = max(rate_sd, row[RATE_DOUBT] * p.bridged_rate_sd_rad_s)
     leap = 0.0
     for c in range(RATE, RATE + 3):
         leap += (row[c] - before[c]) ** 2

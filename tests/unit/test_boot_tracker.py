@@ -110,14 +110,16 @@ def test_swapped_neighbours_are_put_right() -> None:
     np.testing.assert_allclose(found, lengths_m(strides_of(samples)), atol=2e-3)
 
 
-def test_gaps_of_a_fifth_of_a_second_cost_little() -> None:
-    samples = walk(strides=24)
-    gapped = [s for i, s in enumerate(samples) if i < 1000 or (i - 1070) % 500 >= 40]
+@pytest.mark.parametrize("gap_s", [0.2, 0.4, 0.55])
+def test_gaps_cost_little(gap_s: float) -> None:
+    samples, missing = walk(strides=24), round(gap_s * RATE_HZ)
+    gapped = [s for i, s in enumerate(samples) if i < 1000 or (i - 1070) % 500 >= missing]
     tracker = BootTracker()
     found, whole = lengths_m(strides_of(gapped, tracker)), lengths_m(strides_of(samples))
     assert tracker.counts.gaps == 10
-    assert tracker.counts.bridged == 400
-    np.testing.assert_allclose(found, whole, atol=0.05)
+    assert tracker.counts.bridged == 10 * missing
+    assert tracker.counts.restarts == 0
+    assert sum(found) == pytest.approx(sum(whole), abs=0.02)
 
 
 def test_after_a_long_gap_the_heading_goes_on() -> None:

@@ -18,8 +18,10 @@ from edge_agent.evaluation.degradation import (
     biased,
     clipped,
     decimated,
+    delayed,
     interrupted,
     noisy,
+    repeated,
     scaled,
     thinned,
 )
@@ -139,6 +141,23 @@ def test_one_in_twenty_is_lost() -> None:
     left = thinned(read, chance(), 0.05)
     assert len(left) == pytest.approx(0.95 * len(read), rel=0.01)
     assert set(left.time_ns.tolist()) < set(read.time_ns.tolist())
+
+
+def test_one_in_twenty_comes_twice_in_its_place() -> None:
+    read = recording()
+    more = repeated(read, chance(), 0.05)
+    assert len(more) == pytest.approx(1.05 * len(read), rel=0.01)
+    assert np.all(np.diff(more.time_ns) >= 0)
+    np.testing.assert_array_equal(np.unique(more.time_ns), read.time_ns)
+
+
+def test_late_samples_are_late_by_no_more_than_that() -> None:
+    read = recording()
+    mixed = delayed(read, chance(), 0.05, 0.1)
+    np.testing.assert_array_equal(np.sort(mixed.time_ns), read.time_ns)
+    late_ns = np.maximum.accumulate(mixed.time_ns) - mixed.time_ns
+    assert np.mean(late_ns > 0) == pytest.approx(0.05, rel=0.2)
+    assert 0.08 * NS_PER_S < late_ns.max() <= 0.1 * NS_PER_S
 
 
 def test_gaps_come_as_often_as_they_say() -> None:
