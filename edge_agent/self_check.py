@@ -1,8 +1,7 @@
 """What is wrong with the sensor (pure): found in its samples, said so that a firefighter can act.
 
 Samples are looked at a second at a time, and findings are over the last ten of those, so that a
-fault that comes and goes is neither missed nor flickers. Temperature is not judged: no sample
-carries it.
+fault that comes and goes is neither missed nor flickers.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import math
 from collections import deque
 from dataclasses import replace
 from itertools import chain
-from statistics import median
+from statistics import fmean, median
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -40,6 +39,8 @@ class SelfCheckSettings(NamedTuple):
     A sensor stands still while rates scatter by less than ``still_rad_s`` and force by less than
     ``still_m_s2``. A flat top is ``flat_samples`` of the same reading beyond ``high_m_s2`` or
     ``high_rad_s``. ``nominal_rate_hz`` is what the sensor ought to run at, if that is known.
+    ``bears_c`` is what most sensors are made for, ``near_c`` how near that a warning is given;
+    ``drift_c_min`` is how fast a temperature changes that takes the gyro's bias along.
     """
 
     period_s: float = 10.0
@@ -62,6 +63,9 @@ class SelfCheckSettings(NamedTuple):
     moving_rad_s: float = 0.3
     long_swing_s: float = 3.0
     no_stance: tuple[float, float] = (0.3, 0.6)
+    bears_c: tuple[float, float] = (-40.0, 85.0)
+    near_c: float = 15.0
+    drift_c_min: float = 6.0
 
 
 class HealthReport(NamedTuple):
@@ -88,6 +92,7 @@ class _Block(NamedTuple):
     low: Array
     high: Array
     faults: Faults
+    temperature_c: float | None
 
 
 class SelfCheck:
@@ -174,6 +179,7 @@ class SelfCheck:
                 readings.min(axis=0),
                 readings.max(axis=0),
                 since,
+                _mean_temperature_c(samples),
             )
         )
         self._measure_stillness(readings)
@@ -202,6 +208,7 @@ class SelfCheck:
             *self._of_axes(),
             *self._of_range(),
             *self._of_calibration(),
+            *self._of_temperature(),
             *self._of_stances(),
         ]
         found.sort(key=lambda finding: finding.level != "fault")
@@ -277,6 +284,27 @@ class SelfCheck:
             found.append(_Finding(level, words))
         return found
 
+    def _of_temperature(self) -> list[_Finding]:
+        settings = self._settings
+        told = [block.temperature_c for block in self._blocks if block.temperature_c is not None]
+        if not told:
+            return []
+        found = []
+        coldest_c, hottest_c = settings.bears_c
+        now_c = told[-1]
+        beyond_c = max(coldest_c - now_c, now_c - hottest_c)
+        if level := _level(beyond_c, (-settings.near_c, 0.0)):
+            what = "hot: get it out of the heat" if now_c > 0.0 else "cold: warm it"
+            found.append(_Finding(level, f"Boot sensor is at {now_c:.0f} °C, too {what}"))
+        half = len(told) // 2
+        change_c = fmean(told[-half:]) - fmean(told[:half]) if half >= BLOCKS // 4 else 0.0
+        change_c_min = 60.0 * change_c / max(len(told) - half, 1)
+        if abs(change_c_min) > settings.drift_c_min:
+            way = "warms" if change_c > 0.0 else "cools"
+            words = f"Boot sensor {way} by {abs(change_c_min):.0f} °C a minute: headings may drift"
+            found.append(_Finding("warning", words))
+        return found
+
     def _of_stances(self) -> list[_Finding]:
         settings, strides = self._settings, self._strides
         if len(strides) < STRIDES // 4:
@@ -299,6 +327,12 @@ def _pace(step_s: Array) -> tuple[float, float]:
     if np.mean(step_s < max(0.5 * usual_s, SHORTEST_PERIOD_S)) > BUNCHED_SHARE:
         return 0.0, step_s.size / float(step_s.sum())
     return float(np.sum(np.maximum(np.round(step_s / usual_s) - 1.0, 0.0))), 1.0 / usual_s
+
+
+def _mean_temperature_c(samples: list[ImuSample]) -> float | None:
+    """Return the mean of what the samples say of the sensor's temperature, if any does."""
+    told = [one.temperature_c for one in samples if one.temperature_c is not None]
+    return fmean(told) if told and math.isfinite(sum(told)) else None
 
 
 def _level(measure: float, limits: tuple[float, float]) -> HealthLevel | None:

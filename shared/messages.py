@@ -64,7 +64,8 @@ class ImuSample(msgspec.Struct, frozen=True, gc=False):
     ``force_m_s2`` is specific force (a sensor at rest reads +g upwards), ``rate_rad_s`` angular
     rate, ``field_ut`` the magnetic field where there is a magnetometer; all in the sensor's own
     right-handed frame. ``pressure_pa`` is the air's, absolute: a barometer is slower than the rest,
-    and the samples between its readings have none. ``time_ns`` is the source's clock.
+    and the samples between its readings have none. ``temperature_c`` is the sensor's own, where it
+    tells it. ``time_ns`` is the source's clock.
     """
 
     time_ns: int
@@ -72,6 +73,7 @@ class ImuSample(msgspec.Struct, frozen=True, gc=False):
     rate_rad_s: Vector3
     field_ut: Vector3 | None = None
     pressure_pa: float | None = None
+    temperature_c: float | None = None
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):

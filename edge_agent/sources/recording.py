@@ -31,7 +31,8 @@ class Recording:
 
     ``time_ns`` (n,), ``force_m_s2``, ``rate_rad_s`` and ``field_ut`` (n, 3), the last ``None``
     without a magnetometer; all in the sensor's own axes. ``pressure_pa`` (n,) is ``None`` without
-    a barometer. Both of the latter may be slower than the rest, and read NaN in between.
+    a barometer, ``temperature_c`` (n,) without a thermometer in the sensor. All three may be slower
+    than the rest, and read NaN in between.
     """
 
     time_ns: NDArray[np.int64]
@@ -39,6 +40,7 @@ class Recording:
     rate_rad_s: Array
     field_ut: Array | None = None
     pressure_pa: Array | None = None
+    temperature_c: Array | None = None
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -49,7 +51,8 @@ class Recording:
             map(tuple, self.force_m_s2.tolist()),
             map(tuple, self.rate_rad_s.tolist()),
             self._fields(),
-            self._pressures(),
+            self._readings(self.pressure_pa),
+            self._readings(self.temperature_c),
             strict=True,
         )
         return (ImuSample(*reading) for reading in readings)
@@ -79,10 +82,8 @@ class Recording:
             (x, y, z) if math.isfinite(x + y + z) else None for x, y, z in self.field_ut.tolist()
         )
 
-    def _pressures(self) -> Iterable[float | None]:
-        """Return the pressure at each sample that has one."""
-        if self.pressure_pa is None:
+    def _readings(self, column: Array | None) -> Iterable[float | None]:
+        """Return what ``column`` (n,) has at each sample that has a reading."""
+        if column is None:
             return itertools.repeat(None, len(self))
-        return (
-            reading if math.isfinite(reading) else None for reading in self.pressure_pa.tolist()
-        )
+        return (reading if math.isfinite(reading) else None for reading in column.tolist())

@@ -46,6 +46,7 @@ _SENSOR_NAMES = {
     "rate": ("gyroscope", "gyro", "gyr", "angular rate", "angular velocity", "rate"),
     "field": ("magnetometer", "magnetic field", "mag", "field"),
     "pressure": ("barometer", "barometric pressure", "air pressure", "pressure", "baro"),
+    "temperature": ("temperature", "temp"),
     "time": ("sampletimefine", "timestamp", "time", "t"),
 }
 _UNITS: Mapping[str, Mapping[str, float]] = {
@@ -61,9 +62,10 @@ _UNITS: Mapping[str, Mapping[str, float]] = {
         "t": 1e6,
     },
     "pressure": {"pa": 1.0, "hpa": 100.0, "mbar": 100.0, "kpa": 1e3, "bar": 1e5},
+    "temperature": {"degc": 1.0, "c": 1.0},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
-_SCALARS = ("time", "pressure")
+_SCALARS = ("time", "pressure", "temperature")
 _SAMPLE_TIME_FINE_S = (1e-4, 1e-6)
 """Ticks of Xsens' two kinds of counter: 10 kHz in the MT family, 1 MHz in the DOT."""
 
@@ -117,6 +119,9 @@ def read_vendor_csv(path: Path) -> Recording:
         rate_rad_s[rows],
         None if field_ut is None else field_ut[rows],
         None if pressure_pa is None else pressure_pa[rows],
+        table.values[rows, table.columns["temperature"].place]
+        if "temperature" in table.columns
+        else None,
     )
 
 
@@ -186,8 +191,8 @@ def _columns(path: Path, header: list[str]) -> dict[str, _Column]:
             continue
         what, unit = meaning
         known = _UNITS[what.partition(" ")[0]]
-        if what == "pressure" and unit is not None and unit not in known:
-            continue  # An altitude, or another figure made of it.
+        if what in ("pressure", "temperature") and unit is not None and unit not in known:
+            continue  # An altitude, or another figure made of it; degrees of another kind.
         if unit is not None and unit not in known:
             raise SourceError(
                 f"{path}: column {text!r}: unknown unit; write one of {', '.join(known)}"
@@ -231,7 +236,7 @@ def _numbers(
     row = [math.nan] * len(cells)
     for what, column in columns.items():
         cell = cells[column.place]
-        if not cell and what.startswith(("field", "pressure")):
+        if not cell and what.startswith(("field", "pressure", "temperature")):
             continue
         try:
             row[column.place] = number_in(cell, delimiter)

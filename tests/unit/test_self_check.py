@@ -104,6 +104,37 @@ def test_a_spoilt_reading_is_found(spoil: object, level: str, words: str) -> Non
     assert words in found
 
 
+def warmed(from_c: float, by_c_min: float) -> Iterator[ImuSample]:
+    """A walk whose sensor tells its temperature at every tenth sample."""
+    for index, sample in enumerate(walk()):
+        now_c = from_c + by_c_min * sample.time_ns / NS_PER_S / 60.0
+        yield msgspec.structs.replace(sample, temperature_c=None if index % 10 else now_c)
+
+
+@pytest.mark.parametrize(
+    ("from_c", "by_c_min", "level", "words"),
+    [
+        (20.0, 2.0, "ok", None),
+        (75.0, 0.0, "warning", "Boot sensor is at 75 °C,"),
+        (90.0, 0.0, "fault", "Boot sensor is at 90 °C,"),
+        (-45.0, 0.0, "fault", "Boot sensor is at -45 °C,"),
+        (20.0, 12.0, "warning", "Boot sensor warms by 12 °C"),
+        (20.0, -15.0, "warning", "Boot sensor cools by 15 °C"),
+    ],
+)
+def test_heat_and_cold_are_told(
+    from_c: float, by_c_min: float, level: str, words: str | None
+) -> None:
+    found_level, found = worst(reports(warmed(from_c, by_c_min)))
+    assert found_level == level
+    assert found == (set() if words is None else {words})
+
+
+def test_a_temperature_that_is_no_number_says_nothing() -> None:
+    spoilt = (msgspec.structs.replace(sample, temperature_c=math.nan) for sample in walk())
+    assert worst(reports(spoilt)) == ("ok", set())
+
+
 def test_missing_samples_are_found() -> None:
     thinned = (one for index, one in enumerate(walk()) if index % 20 >= 2)
     assert "10% of the boot sensor's readings" in worst(reports(thinned))[1]

@@ -139,6 +139,21 @@ def test_what_can_be_no_pressure_of_the_air_is_left_out(csv: Path, name: str) ->
     assert read_vendor_csv(csv).pressure_pa is None
 
 
+@pytest.mark.parametrize(
+    "name", ["Temperature (°C)", "Temp (degC)", "temperature_c", "Temperature"]
+)
+def test_the_temperature_of_the_sensor(csv: Path, name: str) -> None:
+    rest = "0,0,0,0,0,-1"
+    write(csv, f"{X_IO},{name}", f"0,{rest},21.5", f"0.01,{rest},", f"0.02,{rest},-3")
+    told = [sample.temperature_c for sample in read_vendor_csv(csv)]
+    assert told == [21.5, None, -3.0]
+
+
+def test_degrees_of_another_kind_are_left_out(csv: Path) -> None:
+    write(csv, f"{X_IO},Temperature (°F)", "0,0,0,0,0,0,-1,70", "0.01,0,0,0,0,0,-1,70")
+    assert read_vendor_csv(csv).temperature_c is None
+
+
 def test_windows_code_page(csv: Path) -> None:
     header = X_IO.replace("deg/s", "°/s")
     csv.write_bytes(f"{header}\n0,180,0,0,0,0,-1\n0.01,0,0,0,0,0,-1\n".encode("cp1252"))
