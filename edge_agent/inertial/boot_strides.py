@@ -195,6 +195,29 @@ def take_statistic(s: StateRecord, p: ParametersRecord, centre: int) -> None:
 
 
 @compiled
+def mend_gap(state: State, parameters: Parameters, first: int, last: int) -> float:
+    """Bridge slots ``first … last`` with what is now known on both sides (see gap_bridging.py).
+
+    The slots must still lie ahead of the filter. Returns the disagreement of the bridge.
+    """
+    s, p = state[0], parameters[0]
+    disagreement = bridge_gap(s.samples, first, last, s.head, p)
+    for centre in range(first - p.half_window, min(last + p.half_window, s.filtered) + 1):
+        take_statistic(s, p, centre)
+    return disagreement
+
+
+@compiled
+def bridge_pending(state: State, parameters: Parameters) -> None:
+    """Bridge the latest gap with what has come after it, unless the filter is in it already."""
+    s, p = state[0], parameters[0]
+    first, last = s.gap[0], s.gap[1]
+    if 0 <= first and s.head - p.half_window - p.look_ahead <= first:
+        mend_gap(state, parameters, first, last)
+    s.gap[:] = -1
+
+
+@compiled
 def foresee_gap(
     state: State, parameters: Parameters, missing: int, after: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -202,7 +225,9 @@ def foresee_gap(
 
     What will be bridged before the filter comes to it is a straight line meanwhile; in a longer gap
     the filter comes to the first rows at once, and all must be as good as they can be by then.
+    A gap before it that still waits to be bridged waits no longer.
     """
+    bridge_pending(state, parameters)
     s, p = state[0], parameters[0]
     first, last = s.head, s.head + missing - 1
     for slot in range(first, last + 1):
@@ -219,19 +244,6 @@ def foresee_gap(
 
 
 @compiled
-def mend_gap(state: State, parameters: Parameters, first: int, last: int) -> float:
-    """Bridge slots ``first … last`` with what is now known on both sides (see gap_bridging.py).
-
-    The slots must still lie ahead of the filter. Returns the disagreement of the bridge.
-    """
-    s, p = state[0], parameters[0]
-    disagreement = bridge_gap(s.samples, first, last, s.head, p)
-    for centre in range(first - p.half_window, min(last + p.half_window, s.filtered) + 1):
-        take_statistic(s, p, centre)
-    return disagreement
-
-
-@compiled
 def mend_sample(
     state: State,
     parameters: Parameters,
@@ -239,7 +251,11 @@ def mend_sample(
     force_m_s2: NDArray[np.float64],
     rate_rad_s: NDArray[np.float64],
 ) -> None:
-    """Put a sample that came late into the bridged ``slot`` it belongs to, ahead of the filter."""
+    """Put a sample that came late into the bridged ``slot`` it belongs to, ahead of the filter.
+
+    What is left of a gap that waits to be bridged goes on waiting, but for what is before a sample
+    in its midst.
+    """
     s, p = state[0], parameters[0]
     row = s.samples[slot & (CAPACITY - 1)]
     row[0:3] = force_m_s2
@@ -247,6 +263,18 @@ def mend_sample(
     row[BRIDGED:] = 0.0
     for centre in range(slot - p.half_window, min(slot + p.half_window, s.filtered) + 1):
         take_statistic(s, p, centre)
+    first, last = s.gap[0], s.gap[1]
+    if not first <= slot <= last:
+        return
+    if first < slot < last:
+        s.gap[1] = slot - 1
+        bridge_pending(state, parameters)
+    if slot == first == last:
+        s.gap[:] = -1
+    elif slot < last:
+        s.gap[0], s.gap[1] = slot + 1, last
+    else:
+        s.gap[1] = last - 1
 
 
 @compiled

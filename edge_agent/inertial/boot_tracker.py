@@ -366,7 +366,6 @@ class BootTracker:
             np.array(sample.force_m_s2, dtype=np.float64),
             np.array(sample.rate_rad_s, dtype=np.float64),
         )  # fmt: skip
-        self._state["gap"] = -1
         self.counts = self.counts._replace(late_mended=self.counts.late_mended + 1)
         return True
 

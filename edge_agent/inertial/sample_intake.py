@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from edge_agent.inertial.boot_state import OUTCOME, Outcome, State, StateRecord, initial_state
 from edge_agent.inertial.boot_strides import (
     MOST_HELD,
+    bridge_pending,
     finish,
     foresee_gap,
-    mend_gap,
     mend_sample,
     step,
 )
@@ -102,9 +102,7 @@ def bridge_when_known(state: State, parameters: Parameters) -> None:
         return
     reach = s.head - p.half_window - p.look_ahead
     if s.head - 1 - last >= p.bridge_margin or reach >= first - 1:
-        if reach <= first:
-            mend_gap(state, parameters, first, last)
-        s.gap[:] = -1
+        bridge_pending(state, parameters)
 
 
 @compiled

@@ -122,6 +122,31 @@ def test_gaps_cost_little(gap_s: float) -> None:
     assert sum(found) == pytest.approx(sum(whole), abs=0.02)
 
 
+def turn_variance_rad2(strides: list[Stride]) -> float:
+    return sum(s.covariance[3][3] for s in strides)
+
+
+def test_a_gap_is_bridged_though_the_next_follows_at_once() -> None:
+    samples = walk(strides=12)
+    thinned = [s for i, s in enumerate(samples) if i < 500 or i % 15]
+    found, whole = strides_of(thinned), strides_of(samples)
+    np.testing.assert_allclose(lengths_m(found), lengths_m(whole), atol=5e-3)
+    assert turn_variance_rad2(found) < 1.2 * turn_variance_rad2(whole)
+
+
+@pytest.mark.parametrize("late", [0, 4, 9])
+def test_what_is_left_of_a_gap_is_bridged(late: int) -> None:
+    samples = walk(strides=12)
+    gapped = samples.copy()
+    for first in range(2400, 500, -100):
+        gapped[first : first + 15] = [*samples[first + 10 : first + 15], samples[first + late]]
+    tracker = BootTracker()
+    found, whole = strides_of(gapped, tracker), strides_of(samples)
+    assert tracker.counts.late_mended == tracker.counts.gaps == 19
+    np.testing.assert_allclose(lengths_m(found), lengths_m(whole), atol=5e-3)
+    assert turn_variance_rad2(found) < 1.2 * turn_variance_rad2(whole)
+
+
 def test_after_a_long_gap_the_heading_goes_on() -> None:
     turning = SyntheticWalk(strides=12, turn_rad=0.4)
     samples = [s for s in turning.samples(RATE_HZ) if not 9.0 < s.time_ns / NS_PER_S < 10.0]
