@@ -212,7 +212,7 @@ def bridge_pending(state: State, parameters: Parameters) -> None:
     """Bridge the latest gap with what has come after it, unless the filter is in it already."""
     s, p = state[0], parameters[0]
     first, last = s.gap[0], s.gap[1]
-    if 0 <= first and s.head - p.half_window - p.look_ahead <= first:
+    if first >= 0 and s.head - p.half_window - p.look_ahead <= first:
         mend_gap(state, parameters, first, last)
     s.gap[:] = -1
 
