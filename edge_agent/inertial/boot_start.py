@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from edge_agent.inertial.boot_state import State, initial_state
@@ -60,11 +61,9 @@ def stillest(
 ) -> tuple[int, int]:
     """Return (first, count) of the window of samples that varies and turns least."""
     count = min(count, len(force_m_s2))
-    cost = [
-        float(force_m_s2[i : i + count].var(axis=0).sum())
-        + float(np.mean(rate_rad_s[i : i + count] ** 2))
-        for i in range(len(force_m_s2) - count + 1)
-    ]
+    force = sliding_window_view(force_m_s2, count, axis=0)
+    rate = sliding_window_view(rate_rad_s**2, count, axis=0)
+    cost = force.var(axis=2).sum(axis=1) + rate.mean(axis=(1, 2))
     return int(np.argmin(cost)), count
 
 

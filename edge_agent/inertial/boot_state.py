@@ -202,22 +202,23 @@ def initial_state(
 def credible(outcome: OutcomeRecord) -> bool:
     """Whether a boot can have moved so; comparisons with NaN are false."""
     duration_s = (int(outcome["end_ns"]) - int(outcome["start_ns"])) / NS_PER_S
-    moved_m = float(np.linalg.norm(outcome["displacement_m"]))
-    variances = outcome["covariance"].diagonal()
-    return bool(
-        moved_m <= TOP_SPEED_M_S * duration_s
-        and np.all(variances[:3] <= LARGEST_SD_M**2)
-        and variances[3] <= LARGEST_SD_RAD**2
-        and math.isfinite(float(outcome["heading_rad"]) + float(outcome["covariance"].sum()))
+    covariance = outcome["covariance"].ravel().tolist()
+    nn, ee, dd, hh = covariance[::5]
+    return (
+        math.hypot(*outcome["displacement_m"].tolist()) <= TOP_SPEED_M_S * duration_s
+        and nn <= LARGEST_SD_M**2
+        and ee <= LARGEST_SD_M**2
+        and dd <= LARGEST_SD_M**2
+        and hh <= LARGEST_SD_RAD**2
+        and math.isfinite(float(outcome["heading_rad"]) + sum(covariance))
     )
 
 
 def stride_of(outcome: OutcomeRecord, state: StateRecord) -> Stride:
     """Read one record of :data:`OUTCOME`, and its path from the ring of ``state``."""
     start, end = int(outcome["start_slot"]), int(outcome["end_slot"])
-    slots = np.arange(start, end + 1) & (CAPACITY - 1)
     displacement_m = outcome["displacement_m"]
-    path_m = state["path"][slots, :3]
+    path_m = _unrolled(state["path"], start, end)[:, :3]
     path_m += displacement_m - path_m[-1]
     path_m[0], path_m[-1] = 0.0, displacement_m
     north, east, down = displacement_m.tolist()
@@ -238,8 +239,16 @@ def stride_of(outcome: OutcomeRecord, state: StateRecord) -> Stride:
         rolling_height_m=float(outcome["rolling_height_m"]),
         nav_from_body=(w, x, y, z),
         lean=(lean_north, lean_east),
-        path=StridePath(state["time_ns"][slots], path_m),
+        path=StridePath(_unrolled(state["time_ns"], start, end), path_m),
     )
+
+
+def _unrolled(ring: NDArray[Any], first: int, last: int) -> NDArray[Any]:
+    """Return a copy of slots ``first … last`` of ``ring``, in order."""
+    begin, end = first & (CAPACITY - 1), last & (CAPACITY - 1)
+    if begin <= end:
+        return ring[begin : end + 1].copy()
+    return np.concatenate((ring[begin:], ring[: end + 1]))
 
 
 def lost_stride(start_ns: int, end_ns: int, heading_rad: float) -> Stride:

@@ -43,9 +43,6 @@ SHORTEST_LOST_S = 1.0
 """So long the boot is lost at the least: a clock set back does not say for how long it was."""
 
 
-UPPER = np.triu_indices(4)
-
-
 class EskfBootMount:
     """Follows one boot. See ``Mount``: nothing that a sample holds makes it raise.
 
@@ -231,8 +228,9 @@ class EskfBootMount:
 
     def _moved(self, stride: Stride) -> Increment:
         c, s = math.cos(self._frame_turn_rad), math.sin(self._frame_turn_rad)
-        north, east, down = (np.array(self._stood_m) + stride.path.position_m).T
-        position_m = np.column_stack((c * north - s * east, s * north + c * east, down))
+        position_m = stride.path.position_m + self._stood_m
+        north, east = position_m[:, 0].copy(), position_m[:, 1].copy()
+        position_m[:, 0], position_m[:, 1] = c * north - s * east, s * north + c * east
         north_m, east_m, down_m = position_m[-1].tolist()
         path = StridePath(stride.path.time_ns, position_m)
         covariance = agent_covariance(stride, self._stood_rad2, self._frame_turn_rad)
@@ -270,10 +268,21 @@ def agent_covariance(stride: Stride, stood_rad2: float, frame_turn_rad: float) -
     turned since the last increment's end, and turns the whole stride.
     """
     north_m, east_m, _ = stride.displacement_m
-    lever = np.array([-east_m, north_m, 0.0, 1.0])
+    lever = (-east_m, north_m, 0.0, 1.0)
+    (nn, ne, nd, nh), (_, ee, ed, eh), (_, _, dd, dh), (_, _, _, hh) = (
+        [entry + stood_rad2 * a * b for entry, b in zip(row, lever, strict=True)]
+        for row, a in zip(stride.covariance, lever, strict=True)
+    )
     c, s = math.cos(frame_turn_rad), math.sin(frame_turn_rad)
-    turn = np.eye(4)
-    turn[:2, :2] = [[c, -s], [s, c]]
-    covariance = np.array(stride.covariance) + stood_rad2 * np.outer(lever, lever)
-    nn, ne, nd, nh, ee, ed, eh, dd, dh, hh = (turn @ covariance @ turn.T)[UPPER].tolist()
-    return (nn, ne, nd, nh, ee, ed, eh, dd, dh, hh)
+    return (
+        c * c * nn - 2.0 * c * s * ne + s * s * ee,
+        c * s * (nn - ee) + (c * c - s * s) * ne,
+        c * nd - s * ed,
+        c * nh - s * eh,
+        s * s * nn + 2.0 * c * s * ne + c * c * ee,
+        s * nd + c * ed,
+        s * nh + c * eh,
+        dd,
+        dh,
+        hh,
+    )

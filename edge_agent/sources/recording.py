@@ -72,18 +72,36 @@ class Recording:
 
     def sample(self, row: int) -> ImuSample:
         """Return the sample at ``row``, counted from 0."""
-        return next(iter(self.rows(slice(row, row + 1))))
+        fx, fy, fz = self.force_m_s2[row].tolist()
+        wx, wy, wz = self.rate_rad_s[row].tolist()
+        return ImuSample(
+            int(self.time_ns[row]),
+            (fx, fy, fz),
+            (wx, wy, wz),
+            None if self.field_ut is None else _field(self.field_ut[row].tolist()),
+            None if self.pressure_pa is None else _reading(float(self.pressure_pa[row])),
+            None if self.temperature_c is None else _reading(float(self.temperature_c[row])),
+        )
 
     def _fields(self) -> Iterable[Vector3 | None]:
         """Return the field at each sample that has one."""
         if self.field_ut is None:
             return itertools.repeat(None, len(self))
-        return (
-            (x, y, z) if math.isfinite(x + y + z) else None for x, y, z in self.field_ut.tolist()
-        )
+        return map(_field, self.field_ut.tolist())
 
     def _readings(self, column: Array | None) -> Iterable[float | None]:
         """Return what ``column`` (n,) has at each sample that has a reading."""
         if column is None:
             return itertools.repeat(None, len(self))
-        return (reading if math.isfinite(reading) else None for reading in column.tolist())
+        return map(_reading, column.tolist())
+
+
+def _field(row: list[float]) -> Vector3 | None:
+    """Return a row of fields, if it has a reading."""
+    x, y, z = row
+    return (x, y, z) if math.isfinite(x + y + z) else None
+
+
+def _reading(number: float) -> float | None:
+    """Return one number of a column, if it is a reading."""
+    return number if math.isfinite(number) else None
