@@ -24,11 +24,10 @@ from edge_agent.evaluation.score_card import (
     score_card,
     score_trial,
 )
-from edge_agent.mounts.interface import Increment
+from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, MountName, make_mount
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.trials import Trial, TrialData, find_trials
-from shared.config import ConfigError
 from shared.maths.statistics import Summary
 from shared.process import ExitCode
 from shared.simulation.chance import generator
@@ -41,13 +40,17 @@ class _Setup(NamedTuple):
 
     mount: MountName
     method: MethodName
+    dominant_direction: bool
     seed: int
     degradations: Mapping[str, Degradation]
     plot: Path | None
 
     @property
     def title(self) -> str:
-        return f"{self.mount}, {self.method}"
+        return f"{self.mount}, {self.method}" + ", dominant direction" * self.dominant_direction
+
+    def new_mount(self) -> Mount:
+        return make_mount(self.mount, self.method, dominant_direction=self.dominant_direction)
 
 
 class _Outcome(NamedTuple):
@@ -64,6 +67,7 @@ def evaluate(
     *,
     mount: MountName = "boot",
     method: MethodName = DEFAULT_METHOD,
+    dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 0,
     degrade: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
@@ -86,6 +90,8 @@ def evaluate(
         How the sensor is worn.
     method
         How the mount reads it.
+    dominant_direction
+        Hold the heading to where the building's corridors lead, which is learnt on the way.
     seed
         Of the simulated scenarios' walks and sensors, and of what a degradation leaves to chance.
     degrade
@@ -97,14 +103,16 @@ def evaluate(
         Print the score card as one JSON object.
 
     """
+    degradations = DEGRADATIONS if degrade else {}
+    setup = _Setup(mount, method, dominant_direction, seed, degradations, plot)
     try:
+        setup.new_mount()
         trials = [trial for where in paths for trial in find_trials(where, seed)]
         if plot is not None:
             plot.mkdir(parents=True, exist_ok=True)
-    except (SourceError, ConfigError, OSError) as error:
+    except (ValueError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
-    setup = _Setup(mount, method, seed, DEGRADATIONS if degrade else {}, plot)
     outcomes = list(_score(trials, setup))
     card = score_card(outcome.row for outcome in outcomes)
     degraded = {
@@ -200,7 +208,7 @@ def _score_data(
 
 def _follow(data: TrialData, setup: _Setup) -> tuple[list[Increment], float]:
     """Return what a new mount makes of the samples, and the processor time of that alone (s)."""
-    mount = make_mount(setup.mount, setup.method)
+    mount = setup.new_mount()
     began_s = process_time()
     told = mount.steps(data.samples) + mount.finish()
     return told, process_time() - began_s

@@ -53,6 +53,7 @@ def run(
     stands_at_sd: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e3))] = 1.0,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
+    dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     imu: bool = True,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
@@ -84,6 +85,8 @@ def run(
         How many times as fast as it was recorded.
     seed
         Of a simulated source.
+    dominant_direction
+        Hold the heading to where the building's corridors lead, which is learnt on the way.
     imu
         Publish the raw samples as well, for the record.
     await_start
@@ -96,7 +99,7 @@ def run(
         check_id(incident, "--incident")
         check_id(responder_id, "--id")
         # A sensor that is read already would wait, or lose, what comes while code is built.
-        mount = prepared_mount(method)
+        mount = prepared_mount(method, dominant_direction=dominant_direction)
         opened = open_source(source, responder_id, seed)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         with stop_on_signals() as stop, open_zenoh("client", connect=connect) as bus:

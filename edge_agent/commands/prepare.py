@@ -39,11 +39,14 @@ def prepare(
     return ExitCode.OK
 
 
-def prepared_mount(method: MethodName) -> Mount:
-    """Return a new boot mount, whose first sample will wait for nothing; say what takes time."""
+def prepared_mount(method: MethodName, *, dominant_direction: bool = False) -> Mount:
+    """Return a new boot mount, whose first sample will wait for nothing; say what takes time.
+
+    Raises ``ValueError`` where ``method`` knows no ``dominant_direction``.
+    """
     if not is_built(method):
         _log.info("building machine code, once: some thirty seconds", method=method)
     began_s = perf_counter()
-    mount = make_mount("boot", method)
+    mount = make_mount("boot", method, dominant_direction=dominant_direction)
     _log.info("boot method ready", method=method, seconds=round(perf_counter() - began_s, 2))
     return mount

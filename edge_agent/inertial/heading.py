@@ -2,7 +2,8 @@
 
 As in "Indoor location tracking for first responders using data network": the magnetometer gives
 the first heading, the gyro carries it on. Inside, steel bends the field from place to place, so it
-is asked once, while the responder stands at the entrance.
+is asked once, while the responder stands at the entrance; what it says on the way is worth less
+(see ``heading_drift.py``).
 """
 
 from __future__ import annotations
@@ -24,12 +25,41 @@ EARTH_FIELD_UT = (20.0, 70.0)
 WEAKEST_HORIZONTAL_UT = 5.0
 """With less than this along the ground a compass has nothing to point by."""
 
+DIPOLE_EQUATOR_UT = 30.0
+DIPOLE_SHARE = (0.5, 1.5)
+"""The earth's field against that of a dipole of the same dip: 0.53 at the Cape of Good Hope, 1.42
+on the Andaman Islands."""
+
 
 class Heading(NamedTuple):
     """A heading, clockwise from magnetic north, and its standard deviation."""
 
     heading_rad: float
     sd_rad: float
+
+
+def dip_rad(level_ut: Vector3) -> float:
+    """Return how far a field in north, east and down points below the horizon."""
+    north, east, down = level_ut
+    return math.atan2(down, math.hypot(north, east))
+
+
+def is_earthly(level_ut: Vector3) -> bool:
+    """Whether somewhere on earth a field is as strong as this, and as steep there.
+
+    A dipole's field dips by I where it is ``2·B₀/√(1 + 3·cos²I)`` strong, of B₀ on the equator;
+    the earth's is one to within ``DIPOLE_SHARE``. Beside steel a field as strong as the earth's is
+    at its poles may lie level.
+    """
+    strength_ut = math.hypot(*level_ut)
+    dipole_ut = 2.0 * DIPOLE_EQUATOR_UT / math.sqrt(1.0 + 3.0 * math.cos(dip_rad(level_ut)) ** 2)
+    weakest, strongest = DIPOLE_SHARE
+    low_ut, high_ut = EARTH_FIELD_UT
+    return (
+        low_ut <= strength_ut <= high_ut
+        and weakest * dipole_ut <= strength_ut <= strongest * dipole_ut
+        and math.hypot(*level_ut[:2]) >= WEAKEST_HORIZONTAL_UT
+    )
 
 
 class MagneticHeading:
@@ -54,8 +84,6 @@ class MagneticHeading:
         if not self._count:
             return Heading(0.0, UNKNOWN_HEADING_SD_RAD)
         north, east, down = (total / self._count for total in self._sum_ut)
-        low_ut, high_ut = EARTH_FIELD_UT
-        earthly = low_ut <= math.hypot(north, east, down) <= high_ut
-        if not earthly or math.hypot(north, east) < WEAKEST_HORIZONTAL_UT:
+        if not is_earthly((north, east, down)):
             return Heading(0.0, UNKNOWN_HEADING_SD_RAD)
         return Heading(-math.atan2(east, north), MAGNETIC_HEADING_SD_RAD)

@@ -19,6 +19,7 @@ from edge_agent.inertial.boot_state import LOST, STANDING, STRIDE, Stride
 from edge_agent.inertial.boot_tracker import BootTracker
 from edge_agent.inertial.eskf_parameters import CAPACITY, EskfParameters
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD, Heading, MagneticHeading
+from edge_agent.inertial.heading_aid import HeadingAid
 from edge_agent.inertial.height_filter import HeightFilter
 from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.inertial.stride_error import (
@@ -53,8 +54,13 @@ class EskfBootMount:
     barometer, height is weighed against it, and *standing* in a lift is told about every second.
     """
 
-    def __init__(self, parameters: EskfParameters | None = None) -> None:
-        """Make the mount; the first of a process compiles its kernels, or reads them from disk."""
+    def __init__(
+        self, parameters: EskfParameters | None = None, *, dominant_direction: bool = False
+    ) -> None:
+        """Make the mount; the first of a process compiles its kernels, or reads them from disk.
+
+        ``dominant_direction``: correct the heading by the building's (see ``HeadingAid``).
+        """
         self._tracker = BootTracker(parameters)
         self._counted = self._tracker.counts
         self.faults = Faults()
@@ -70,6 +76,7 @@ class EskfBootMount:
         self._stood_rad2 = 0.0
         self._done: deque[Increment] = deque()
         self._height = HeightFilter()
+        self._heading_aid = HeadingAid(dominant_direction=dominant_direction)
 
     @property
     def ready(self) -> bool:
@@ -97,6 +104,7 @@ class EskfBootMount:
         """Take in the next sample; return the movement that it completes, if it does."""
         self._face()
         self._height.take(sample)
+        self._heading_aid.read(sample)
         self._follow(self._tracker.step(sample))
         if self._start is None:
             self._ask_compass(sample)
@@ -118,6 +126,7 @@ class EskfBootMount:
             after, strides = self._tracker.step_rows(samples, row)
             # Each sample gives one movement at the most: those before the last, what was held.
             told += [self._done.popleft() for _ in range(min(after - row - 1, len(self._done)))]
+            self._heading_aid.read_rows(samples, row, after)
             self._follow(strides)
             told += [self._done.popleft()] if self._done else []
             row = after
@@ -138,6 +147,7 @@ class EskfBootMount:
         """Tell strides, or keep them; and what was amiss with the samples."""
         for stride in strides:
             self._take_stride(self._height.correct(stride))
+            self._keep_heading(stride)
         counts = self._tracker.counts
         if counts is self._counted:
             return
@@ -202,6 +212,15 @@ class EskfBootMount:
             self._frame_turn_rad = self._start.heading_rad - self._ahead_rad
         self._tracker_heading_rad = stride.heading_rad - stride.heading_change_rad
         self._fields.clear()
+
+    def _keep_heading(self, stride: Stride) -> None:
+        """Turn what comes after ``stride`` by what its end tells of the heading's drift."""
+        if self._start is None:
+            return
+        correction = self._heading_aid.take(stride, self._frame_turn_rad)
+        self._frame_turn_rad += correction.turn_rad
+        self._tracker_heading_rad -= correction.turn_rad
+        self._stood_rad2 += correction.variance_rad2
 
     def _lost(self, stride: Stride) -> Increment:
         elapsed_s = max((stride.end_ns - stride.start_ns) / NS_PER_S, SHORTEST_LOST_S)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Literal, TypeAlias
 
 from edge_agent.inertial.sample_intake import take
@@ -21,15 +22,24 @@ _MOUNTS: dict[tuple[MountName, MethodName], Callable[[], Mount]] = {
     ("boot", "eskf"): EskfBootMount,
     ("boot", "linear"): lambda: UprightMount(BootMount()),
 }
+_FOLLOWING_THE_BUILDING: dict[tuple[MountName, MethodName], Callable[[], Mount]] = {
+    ("boot", "eskf"): partial(EskfBootMount, dominant_direction=True),
+}
 
 
-def make_mount(mount: MountName, method: MethodName) -> Mount:
+def make_mount(mount: MountName, method: MethodName, *, dominant_direction: bool = False) -> Mount:
     """Return a new mount that reads a sensor worn as ``mount`` by ``method``.
 
     Both tell one increment a stride. ``eskf``: error-state filter smoothed over each stride, from
     a crawl to a sprint. ``linear``: linear-calibrated zero-velocity update, as published.
+    ``dominant_direction``: hold the heading to where the building's corridors lead. Raises
+    ``ValueError`` for a method that cannot.
     """
-    return _MOUNTS[mount, method]()
+    if not dominant_direction:
+        return _MOUNTS[mount, method]()
+    if (mount, method) not in _FOLLOWING_THE_BUILDING:
+        raise ValueError(f"--dominant-direction: {method} cannot; use --method {DEFAULT_METHOD}")
+    return _FOLLOWING_THE_BUILDING[mount, method]()
 
 
 def is_built(method: MethodName) -> bool:

@@ -36,7 +36,7 @@ def test_an_agent_waits_for_no_library_of_simulation_or_scoring() -> None:
 def test_a_source_is_opened_when_the_method_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
     done: list[str] = []
 
-    def ready(method: str) -> Mount:
+    def ready(method: str, **_: bool) -> Mount:
         done.append(method)
         return BootMount()
 

@@ -265,13 +265,41 @@ def test_a_rate_that_doubles_is_followed() -> None:
     assert lengths_m == pytest.approx([1.2] * 3, abs=0.03)
 
 
-def test_a_copy_made_midway_goes_on_alike() -> None:
-    samples = list(SyntheticWalk(turn_rad=0.2).samples(100.0))
-    mount = EskfBootMount()
-    for sample in samples[:450]:
+@pytest.mark.parametrize("strides", [6, 30])
+def test_a_copy_made_midway_goes_on_alike(strides: int) -> None:
+    walk = SyntheticWalk(strides=strides, turn_rad=0.2 if strides < 10 else 0.02, field_ut=FIELD_UT)
+    samples = list(walk.samples(100.0))
+    mount = EskfBootMount(dominant_direction=True)
+    half = len(samples) // 2
+    for sample in samples[:half]:
         mount.step(sample)
     resumed = copy.deepcopy(mount)
-    assert follow(resumed, samples[450:]) == follow(mount, samples[450:])
+    assert follow(resumed, samples[half:]) == follow(mount, samples[half:])
+
+
+def test_what_corrects_the_heading_is_in_what_is_told() -> None:
+    """A gyro that drifts along a straight corridor: what is told turns back, in every part."""
+    bias_rad_s = math.radians(0.3)
+    walk = SyntheticWalk(strides=60, standing_s=3.0)
+    samples = [
+        ImuSample(s.time_ns, s.force_m_s2, (0.0, 0.0, bias_rad_s))
+        if s.time_ns > 3 * NS_PER_S and s.rate_rad_s == (0.0, 0.0, 0.0)
+        else ImuSample(s.time_ns, s.force_m_s2, s.rate_rad_s)
+        for s in walk.samples(100.0)
+    ]
+    free = follow(EskfBootMount(), samples)
+    held = follow(EskfBootMount(dominant_direction=True), samples)
+    assert len(free) == len(held)
+
+    def last_direction_rad(increments: list[Increment]) -> float:
+        north_m, east_m, _ = increments[-1].displacement_m
+        return math.atan2(east_m, north_m)
+
+    corrected_rad = last_direction_rad(free) - last_direction_rad(held)
+    assert abs(last_direction_rad(held)) < 0.9 * abs(last_direction_rad(free))
+    turned_rad = [sum(i.d_heading_rad for i in told) for told in (free, held)]
+    assert turned_rad[0] - turned_rad[1] == pytest.approx(corrected_rad, abs=1e-6)
+    assert sum(i.covariance[9] for i in held) > sum(i.covariance[9] for i in free)
 
 
 COUNT_COMPILED = """

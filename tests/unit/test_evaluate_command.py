@@ -209,3 +209,17 @@ def test_a_wrong_command_line_exits_with_2(
 
 def test_an_empty_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run(monkeypatch, tmp_path) == ExitCode.USAGE
+
+
+def test_a_building_can_hold_the_heading(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, folder, "--dominant-direction") == ExitCode.OK
+    assert "dominant direction" in capsys.readouterr().out
+
+
+def test_a_method_that_knows_no_building_says_so(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = (folder, "--method", "linear", "--dominant-direction")
+    assert run(monkeypatch, *arguments) == ExitCode.USAGE
