@@ -7,16 +7,17 @@ from command_post.fusion.team.solving import turned_at
 from shared.units import NS_PER_S
 
 SETTINGS = TeamSettings()
+MOST = SETTINGS.turned_a_commit
 COMMIT_NS = round(SETTINGS.commit_s * NS_PER_S)
 
 
 def test_all_of_a_team_are_tried_each_time() -> None:
     for commit in range(3):
-        assert turned_at(commit * COMMIT_NS, 16, SETTINGS) == list(range(16))
+        assert turned_at(commit * COMMIT_NS, 16, MOST, SETTINGS) == list(range(16))
 
 
 def test_of_a_crowd_everybody_is_tried_in_turn() -> None:
-    tried = [turned_at(commit * COMMIT_NS, 37, SETTINGS) for commit in range(5)]
-    assert all(len(set(each)) == SETTINGS.turned_a_commit for each in tried)
+    tried = [turned_at(commit * COMMIT_NS, 37, MOST, SETTINGS) for commit in range(5)]
+    assert all(len(set(each)) == MOST for each in tried)
     assert set(tried[0]) | set(tried[1]) | set(tried[2]) == set(range(37))
-    assert turned_at(3 * COMMIT_NS, 37, SETTINGS) == tried[3]
+    assert turned_at(3 * COMMIT_NS, 37, MOST, SETTINGS) == tried[3]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.team.height_assembly import Heights
-from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.log import Installed, TeamLog
 from command_post.fusion.team.solving import Solved
 from command_post.fusion.track import MOST_COORDINATE_M, told_covariance, within
 from shared.messages import LocalPosition
@@ -19,18 +21,39 @@ def daps_of(log: TeamLog, solved: Solved, heights: Heights) -> dict[str, Install
             newest[dap_id] = max(newest.get(dap_id, (-1, -1)), (installed_ns, place))
     found = {}
     for dap_id, (installed_ns, place) in newest.items():
-        column = solved.assembled.place_column(place)
-        north_m, east_m = solved.arrow[column : column + 2].tolist()
-        (nn, ne), (_, ee) = solved.shared[column : column + 2, column : column + 2].tolist()
         installed = next(each for each in log.daps[dap_id] if each.time_ns == installed_ns)
         found[dap_id] = InstalledDap(
-            LocalPosition(
-                north_m=within(north_m, MOST_COORDINATE_M),
-                east_m=within(east_m, MOST_COORDINATE_M),
-                down_m=within(float(heights.place_m[place]), MOST_COORDINATE_M),
-                covariance_m2=told_covariance(nn, ne, ee),
-            ),
+            _position(solved, heights, place),
             installed_ns if installed.said_ns is None else installed.said_ns,
             installed.installer_id,
         )
     return found
+
+
+def places_of(
+    solved: Solved, heights: Heights, owned: Collection[str]
+) -> dict[str, tuple[Installed, ...]]:
+    """Return where DAPs stood since when, as other crews may take it: of those ``owned``."""
+    found: dict[str, tuple[Installed, ...]] = {}
+    for place, place_id in enumerate(solved.assembled.places):
+        if place_id[0] == "dap" and place_id[1] in owned:
+            dap_id, installed_ns = place_id[1], int(place_id[2])
+            stood = Installed(installed_ns, None, _position(solved, heights, place))
+            found[dap_id] = (*found.get(dap_id, ()), stood)
+    return {dap_id: tuple(sorted(stood, key=_since)) for dap_id, stood in found.items()}
+
+
+def _since(installed: Installed) -> int:
+    return installed.time_ns
+
+
+def _position(solved: Solved, heights: Heights, place: int) -> LocalPosition:
+    column = solved.assembled.place_column(place)
+    north_m, east_m = solved.arrow[column : column + 2].tolist()
+    (nn, ne), (_, ee) = solved.shared[column : column + 2, column : column + 2].tolist()
+    return LocalPosition(
+        north_m=within(north_m, MOST_COORDINATE_M),
+        east_m=within(east_m, MOST_COORDINATE_M),
+        down_m=within(float(heights.place_m[place]), MOST_COORDINATE_M),
+        covariance_m2=told_covariance(nn, ne, ee),
+    )

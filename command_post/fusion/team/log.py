@@ -28,6 +28,9 @@ Ints: TypeAlias = NDArray[np.int64]
 END_OF_TIME_NS = 2**63 - 1
 MOST_RESPONDERS = 1024
 
+ANYWHERE = LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(1e6, 0.0, 1e6))
+"""Where a DAP is put of which it is not known where it stands."""
+
 NORTH, EAST, DOWN, HEADING, PLACE_M2, TURN_RAD2, DOWN_M2 = range(7)
 """Columns of ``Moves.values``."""
 

@@ -50,6 +50,11 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     next ones start from, after other headings have been tried for each responder and adopted where
     the cost falls by more than ``adopt_gain``; where there are more than ``turned_a_commit``, by
     turns. Nodes are set every ``node_m`` or ``node_s``.
+
+    A team of more than ``crew_most`` is solved in crews of at most so many, each in its own time,
+    and the more responders there are the more rarely, so that no more than ``solved_a_second`` are
+    solved in a second; all of them at least once in ``commit_s``. Of such a crew the headings of
+    ``turned_of_crowd`` are tried at a commit.
     """
 
     tick_s: Seconds = 2.0
@@ -61,6 +66,9 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     settled_m: Metres = 0.01
     adopt_gain: Annotated[float, Meta(ge=0.0, le=1e3)] = 4.0
     turned_a_commit: Annotated[int, Meta(ge=1, le=10_000)] = 16
+    turned_of_crowd: Annotated[int, Meta(ge=1, le=10_000)] = 4
+    crew_most: Annotated[int, Meta(ge=1, le=10_000)] = 16
+    solved_a_second: Annotated[float, Meta(gt=0.0, le=1e6)] = 100.0
 
     scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.02
     loose_scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25

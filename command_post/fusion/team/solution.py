@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from command_post.fusion.team.assembly import (
     PlaceId,
 )
 from command_post.fusion.team.chain import Chain
-from command_post.fusion.team.log import Floats, Ints
+from command_post.fusion.team.log import Floats, Ints, TeamLog
 from command_post.fusion.team.suspicions import Suspicion
 from shared.compiled import compiled
 
@@ -63,6 +63,43 @@ class Solution(NamedTuple):
 
 
 NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf, 1.0)
+
+
+def joined(solutions: Sequence[Solution]) -> Solution:
+    """Return one solution that has what several have, of the first of them where they differ.
+
+    The building's axis is as the one believes it that holds most responders to it.
+    """
+    if len(solutions) == 1:
+        return solutions[0]
+    surest = max(solutions, key=lambda each: len(each.belief.chains), default=NOTHING)
+    of_all: Solution = NOTHING
+    for each in reversed(solutions):
+        of_all = Solution(
+            max(of_all.time_ns, each.time_ns),
+            {**of_all.chains, **each.chains},
+            {**of_all.places, **each.places},
+            surest.axis_rad,
+            surest.belief._replace(chains=of_all.belief.chains | each.belief.chains),
+            each.cost,
+            each.tie_scale,
+            each.storeys_m or of_all.storeys_m,
+            (*each.held, *of_all.held),
+            {**of_all.examined, **each.examined},
+        )
+    return of_all
+
+
+def concerning(before: Solution, log: TeamLog) -> Solution:
+    """Return a solution without what is held against nodes that are not in ``log``."""
+    of_log = {"responder": log.responders.keys(), "dap": log.daps.keys()}
+    held = tuple(
+        each
+        for each in before.held
+        if each.suspicion.node_id in of_log[each.suspicion.role]
+        and (not each.suspicion.other_id or each.suspicion.other_id in log.responders)
+    )
+    return before if len(held) == len(before.held) else before._replace(held=held)
 
 
 def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:

@@ -22,6 +22,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_scale
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
+from shared.compiled import compiled
 from shared.units import NS_PER_S
 
 KNOWN_TURNS_RAD = tuple(math.radians(each) for each in (-60.0, -30.0, 30.0, 60.0))
@@ -96,22 +97,27 @@ def solved_from(
 
 def commit(log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings) -> Solved | None:
     """Return the team at ``time_ns``, having tried other axes and other headings for everybody."""
-    found = solve(log, time_ns, before, before.belief, settings, settings.commit_iterations)
-    if found is None:
-        return None
-    if settings.axis:
-        found = _with_axis(before, found, settings)
-    for chain in turned_at(time_ns, len(found.assembled.chains), settings):
-        found = _with_other_headings(found, chain, settings)
+    found = solved_with_axis(log, time_ns, before, settings)
+    if found is not None:
+        most = settings.turned_a_commit
+        for chain in turned_at(time_ns, len(found.assembled.chains), most, settings):
+            found = with_other_headings(found, chain, settings)
     return found
 
 
-def turned_at(time_ns: int, chains: int, settings: TeamSettings) -> list[int]:
-    """Return whose headings are tried at a commit: everybody's, of a crowd some by turns.
+def solved_with_axis(
+    log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings
+) -> Solved | None:
+    """Return the team at ``time_ns``, under the best of several beliefs of the building's axis."""
+    found = solve(log, time_ns, before, before.belief, settings, settings.commit_iterations)
+    return _with_axis(before, found, settings) if found is not None and settings.axis else found
+
+
+def turned_at(time_ns: int, chains: int, most: int, settings: TeamSettings) -> list[int]:
+    """Return whose headings are tried at a commit: everybody's, of more than ``most`` by turns.
 
     Each trial solves the whole team, so that trying all of a crowd would take its square.
     """
-    most = settings.turned_a_commit
     if chains <= most:
         return list(range(chains))
     first = time_ns // round(settings.commit_s * NS_PER_S) * most
@@ -168,12 +174,18 @@ def _likely_axis(found: Solved, held: frozenset[str], settings: TeamSettings) ->
         axis_rad = HALF_PI * step / AXIS_GRID
         off_rad = directions - axis_rad
         off_rad -= HALF_PI * np.round(off_rad / HALF_PI)
-        cost = 0.0
-        for off in (off_rad / settings.straight_sd_rad).tolist():
-            cost += logarithm(1.0 + off * off)
+        cost = _cauchy_cost(off_rad / settings.straight_sd_rad)
         if cost < best:
             best_rad, best = axis_rad, cost
     return best_rad
+
+
+@compiled
+def _cauchy_cost(deviations: Floats) -> float:
+    cost = 0.0
+    for off in deviations:
+        cost += logarithm(1.0 + off * off)
+    return cost
 
 
 def _directions_rad(found: Solved, held: frozenset[str], settings: TeamSettings) -> Floats:
@@ -187,8 +199,11 @@ def _directions_rad(found: Solved, held: frozenset[str], settings: TeamSettings)
     return np.array(directions)
 
 
-def _with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> Solved:
-    """Return the best of the solution and those with one responder's way turned as a whole."""
+def with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> Solved:
+    """Return the best of the solution and those with one responder's way turned as a whole.
+
+    It is ``found`` itself that comes back if no other is better.
+    """
     assembled = found.assembled
     if len(assembled.nodes[chain]) < LEAST_NODES:
         return found

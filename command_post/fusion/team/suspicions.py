@@ -7,14 +7,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple, TypeAlias, TypeVar
 
-from command_post.fusion.team.log import Installed, Peak, ResponderLog, Start, TeamLog
-from shared.messages import LocalPosition
+from command_post.fusion.team.log import (
+    ANYWHERE,
+    Installed,
+    Peak,
+    ResponderLog,
+    Start,
+    TeamLog,
+)
 from shared.topics import Role
 from shared.units import NS_PER_S
 
 SuspicionKind: TypeAlias = Literal["moved", "astray", "clock", "swapped", "renewed", "scale"]
 
-UNKNOWN_M2 = 1e6
 UNKNOWN_HEADING_SD_RAD = 100.0
 
 _Timed = TypeVar("_Timed", Peak, Installed)
@@ -137,10 +142,7 @@ def _set_down_again(log: TeamLog, suspicion: Suspicion) -> None:
     if not before:
         return
     said_ns = before[-1].time_ns if before[-1].said_ns is None else before[-1].said_ns
-    anywhere = LocalPosition(
-        north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(UNKNOWN_M2, 0.0, UNKNOWN_M2)
-    )
-    again = Installed(suspicion.since_ns, None, anywhere, said_ns)
+    again = Installed(suspicion.since_ns, None, ANYWHERE, said_ns)
     log.daps[suspicion.node_id] = [*before, again, *installs[len(before) :]]
 
 

@@ -8,7 +8,6 @@ it, which are then made again. So the order of arrival leaves no trace, to the b
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -17,9 +16,12 @@ import numpy as np
 
 from command_post.fusion.cloud.cloud import Cloud
 from command_post.fusion.dap_map import InstalledDap
-from command_post.fusion.interface import Afterwards, Changes, Doubt
+from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack
+from command_post.fusion.team.agenda import Agenda
+from command_post.fusion.team.commits import Commits, Fresh
+from command_post.fusion.team.crews import EVERYBODY, Bonds, Crew
 from command_post.fusion.team.dap_places import daps_of
-from command_post.fusion.team.doubts import doubts_of, examine
+from command_post.fusion.team.doubts import doubts_of
 from command_post.fusion.team.estimates import (
     Pose,
     estimate_of,
@@ -27,13 +29,13 @@ from command_post.fusion.team.estimates import (
     pose_of,
 )
 from command_post.fusion.team.front import cloud_before, told_by_cloud
-from command_post.fusion.team.height_assembly import Heights, solve_heights, walked_storeys
-from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
+from command_post.fusion.team.height_assembly import solve_heights
+from command_post.fusion.team.log import END_OF_TIME_NS, Floats, TeamLog
 from command_post.fusion.team.saving import loaded_log, saved_log
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
-from command_post.fusion.team.solution import NOTHING, Solution
-from command_post.fusion.team.solving import Solved, commit, solve
+from command_post.fusion.team.solution import NOTHING, Solution, concerning
+from command_post.fusion.team.solving import commit, solve
 from command_post.fusion.team.suspicions import supposed
 from command_post.fusion.track import Estimate
 from shared.messages import (
@@ -49,7 +51,6 @@ from shared.messages import (
 )
 from shared.units import NS_PER_S
 
-COMMITS_KEPT = 720
 MOVED_DAP_M = 0.25
 MOST_REASON = 200
 
@@ -65,14 +66,14 @@ class TeamTracker:
     def __init__(self, settings: TeamSettings) -> None:
         self._settings = settings
         self._tick_ns = round(settings.tick_s * NS_PER_S)
-        self._commit_ns = round(settings.commit_s * NS_PER_S)
-        self._log = TeamLog()
-        self._slots: list[int] = []
-        self._commits: list[Solution] = []
+        self._begin(TeamLog())
         self._solved_ns = -1
         self._poses: dict[str, Pose] = {}
+        self._kept_ns: dict[str, int] = {}
         self._clouds: dict[str, Cloud] = {}
         self._storeys_m = np.empty(0)
+        self._storeys_of: dict[str, Floats] = {}
+        self._doubts_of: dict[str, tuple[Doubt, ...]] = {}
         self._estimates: dict[str, Estimate] = {}
         self._doubts: tuple[Doubt, ...] = ()
         self._daps: dict[str, InstalledDap] = {}
@@ -80,6 +81,12 @@ class TeamTracker:
         self._changed_daps: dict[str, InstalledDap] = {}
         self._changed: dict[str, Estimate] = {}
         self.counts: Counter[str] = Counter()
+
+    def _begin(self, log: TeamLog) -> None:
+        self._log = log
+        self._bonds = Bonds.of(log, self._settings)
+        self._commits = Commits(log, self._bonds, self._settings)
+        self._agenda = Agenda(self._commits, self._settings)
 
     @property
     def daps(self) -> Mapping[str, InstalledDap]:
@@ -98,40 +105,57 @@ class TeamTracker:
 
     def start(self, responder_id: str, start: TrackStart) -> None:
         """Begin a track, or go on with it from a new unit."""
-        if self._take(start.event_time_ns, lambda: self._log.add_start(responder_id, start)):
+        if self._take_own(
+            responder_id, start.event_time_ns, lambda: self._log.add_start(responder_id, start)
+        ):
             self._tell(responder_id)
 
     def move(self, responder_id: str, increment: OdometryIncrement) -> None:
         """Move a responder; one who never started begins where nobody knows."""
         time_ns = increment.event_time_ns
-        if self._take(time_ns, lambda: self._log.add_move(responder_id, increment)):
+        if self._take_own(
+            responder_id, time_ns, lambda: self._log.add_move(responder_id, increment)
+        ):
             self._tell(responder_id)
 
     def near(self, dap_id: str, event: ProximityEvent) -> None:
         """Note that a DAP holds somebody to be near: used where it tells no peaks."""
         if event.phase != "left":
             self._heard_near(event.responder_id, event.event_time_ns)
-            self._take(event.event_time_ns, lambda: self._log.add_near(dap_id, event))
+            self._take(
+                event.event_time_ns, event.responder_id,
+                lambda: self._log.add_near(dap_id, event),
+                lambda: self._bonds.note_passed(event.responder_id, dap_id, event.event_time_ns),
+            )  # fmt: skip
 
     def peak(self, dap_id: str, event: RssiPeak) -> None:
         """Tie a responder to a DAP at the moment when they passed it."""
         self._heard_near(event.responder_id, event.event_time_ns)
-        self._take(event.event_time_ns, lambda: self._log.add_peak(dap_id, event))
+        self._take(
+            event.event_time_ns, event.responder_id, lambda: self._log.add_peak(dap_id, event),
+            lambda: self._note_peak(dap_id, event),
+        )  # fmt: skip
 
     def contact(self, responder_id: str, event: Contact) -> None:
         """Tie two responders to each other at the moment when they met."""
-        self._take(event.event_time_ns, lambda: self._log.add_contact(responder_id, event))
+        self._take(
+            event.event_time_ns, responder_id,
+            lambda: self._log.add_contact(responder_id, event),
+            lambda: self._bonds.note_met(responder_id, event.other_id, event.event_time_ns),
+        )  # fmt: skip
 
     def fix(self, event: PositionFix) -> None:
         """Tie a responder to where somebody says they are."""
-        self._take(event.event_time_ns, lambda: self._log.add_fix(event))
+        self._take(event.event_time_ns, event.responder_id, lambda: self._log.add_fix(event))
 
     def install(self, dap_id: str, said: DapInstallation) -> None:
         """Put a DAP on the map; where it stands is told by the ticks that follow."""
         if said.position is None and said.installer_id is None:
             self.counts["unplaced"] += 1
             return
-        new = self._take(said.event_time_ns, lambda: self._log.add_dap(dap_id, said))
+        new = self._take(
+            said.event_time_ns, None, lambda: self._log.add_dap(dap_id, said), lambda: True
+        )
         standing = self._daps.get(dap_id)
         if not new and said.position is None and standing is not None:
             # It asks again: the answer may have been lost.
@@ -139,7 +163,10 @@ class TeamTracker:
 
     def height_fix(self, event: HeightFix) -> None:
         """Take in how high somebody says a responder or a DAP is."""
-        self._take(event.event_time_ns, lambda: self._log.add_height(event))
+        self._take(
+            event.event_time_ns, event.node_id if event.node == "responder" else None,
+            lambda: self._log.add_height(event),
+        )  # fmt: skip
 
     def heard(self, responder_id: str, time_ns: int) -> None:
         """Note that a responder's unit is still there, whatever it said."""
@@ -158,17 +185,20 @@ class TeamTracker:
         latest = self._latest_ns()
         if latest is None:
             return Afterwards({}, {})
-        self._catch_up(latest)
-        before = self._last_commit
-        log = supposed(self._log, before.suspicions)
-        solved = commit(log, latest, before, self._settings)
-        if solved is None or not solved.is_sound:
-            return Afterwards({}, {})
-        heights = solve_heights(log, solved.assembled, latest, self._settings)
-        return Afterwards(
-            smoothed_tracks(solved, heights, self._settings),
-            daps_of(log, solved, heights),
-        )
+        self._commits.catch_up(latest)
+        tracks: dict[str, SmoothedTrack] = {}
+        daps: dict[str, InstalledDap] = {}
+        for crew in self._commits.crews(self._commits.number_at(latest)).crews:
+            heard = self._commits.log_of(crew, latest)
+            before = concerning(self._commits.before(crew, latest), heard)
+            log = supposed(heard, before.suspicions)
+            solved = commit(log, latest, before, self._settings)
+            if solved is None or not solved.is_sound:
+                continue
+            heights = solve_heights(log, solved.assembled, latest, self._settings)
+            tracks |= smoothed_tracks(solved, heights, self._settings)
+            daps |= self._commits.published(crew, latest, daps_of(log, solved, heights))
+        return Afterwards(tracks, daps)
 
     def save(self) -> bytes:
         """Return bytes from which ``load`` makes a tracker that goes on as this one would."""
@@ -181,21 +211,18 @@ class TeamTracker:
         What had been heard is kept, and the solutions are made of it again.
         """
         tracker = cls(settings)
-        tracker._log, solved_ns = loaded_log(saved)
-        slots = {time_ns // tracker._commit_ns for time_ns in tracker._log.times_ns()}
-        tracker._slots = sorted(slots)
+        log, solved_ns = loaded_log(saved)
+        tracker._begin(log)
+        for time_ns in log.times_ns():
+            tracker._commits.note(time_ns)
         if solved_ns >= 0:
             tracker._tick(solved_ns + 1)
-        for responder_id, log in tracker._log.responders.items():
-            heard = log.moves.after(solved_ns).end_ns.size or responder_id not in tracker._poses
-            if heard and (log.starts or len(log.moves)):
+        for responder_id, own in log.responders.items():
+            kept_ns = tracker._kept_ns.get(responder_id, -1)
+            if own.moves.after(kept_ns).end_ns.size or (own.starts and kept_ns < 0):
                 tracker._tell(responder_id)
         tracker.take_changes()
         return tracker
-
-    @property
-    def _last_commit(self) -> Solution:
-        return self._commits[-1] if self._commits else NOTHING
 
     def _latest_ns(self) -> int | None:
         times = [
@@ -209,20 +236,39 @@ class TeamTracker:
         log = self._log.of(responder_id)
         log.near_ns = max(log.near_ns or 0, time_ns)
 
-    def _take(self, time_ns: int, add: Callable[[], bool]) -> bool:
-        """Log an event, having solved what ended before it; ``False`` if it was here before."""
+    def _take_own(self, responder_id: str, time_ns: int, add: Callable[[], bool]) -> bool:
+        """Log what a responder's own unit says."""
+
+        def bond() -> bool:
+            # Of too many nobody keeps a log.
+            kept = responder_id in self._log.responders
+            return kept and self._bonds.note_began(responder_id, time_ns)
+
+        return self._take(time_ns, responder_id, add, bond)
+
+    def _note_peak(self, dap_id: str, event: RssiPeak) -> bool:
+        if event.peak_dbm < self._settings.sharpness.least_dbm:
+            return False
+        return self._bonds.note_passed(event.responder_id, dap_id, event.event_time_ns)
+
+    def _take(
+        self, time_ns: int, who: str | None, add: Callable[[], bool],
+        bond: Callable[[], bool] | None = None,
+    ) -> bool:  # fmt: skip
+        """Log an event, having solved what ended before it; ``False`` if it was here before.
+
+        ``who`` is the responder whom it concerns, if only one; ``bond`` notes whom it ties to whom.
+        """
         self._tick(time_ns)
         if not add():
             self.counts["repeated_event"] += 1
             return False
-        slot = time_ns // self._commit_ns
-        at = bisect_left(self._slots, slot)
-        if self._slots[at : at + 1] != [slot]:
-            self._slots.insert(at, slot)
-        if time_ns <= self._solved_ns:
-            self.counts["late_fused"] += 1
-            while self._commits and self._commits[-1].time_ns >= time_ns:
-                self._commits.pop()
+        bonds = bond is not None and bond()
+        self._commits.note(time_ns)
+        self.counts["late_fused"] += time_ns <= self._solved_ns
+        if time_ns <= max(self._solved_ns, self._commits.until_ns):
+            self._commits.forget(time_ns, who, bonds=bonds)
+            self._agenda.ask_again()
         return True
 
     def _tell(self, responder_id: str) -> None:
@@ -234,61 +280,43 @@ class TeamTracker:
         self._changed[responder_id] = estimate
 
     def _tick(self, time_ns: int) -> None:
-        """Solve the team at the last tick before ``time_ns``, unless that is done."""
-        due_ns = (time_ns - 1) // self._tick_ns * self._tick_ns
-        if due_ns <= self._solved_ns:
-            return
-        if not self._log.responders:
-            return
-        self._catch_up(due_ns)
-        before = self._last_commit
-        settings = self._settings
-        log = supposed(self._log, before.suspicions)
-        solved = solve(log, due_ns, before, before.belief, settings, settings.tick_iterations)
-        self._solved_ns = due_ns
-        if solved is not None:
-            self.counts["unsolved"] += not solved.is_sound
-            if solved.is_sound:
-                self._keep(log, due_ns, solved)
+        """Solve each crew at its last tick before ``time_ns``, unless that is done."""
+        if self._log.responders:
+            for due_ns, crew in self._agenda.due_before(time_ns):
+                self._solve(crew, due_ns)
 
-    def _catch_up(self, until_ns: int) -> None:
-        """Make the commits that are missing before ``until_ns``, one for each time of events."""
-        done_ns = self._commits[-1].time_ns if self._commits else -1
-        for slot in self._slots[bisect_left(self._slots, done_ns // self._commit_ns) :]:
-            time_ns = (slot + 1) * self._commit_ns
-            if time_ns > until_ns:
-                break
-            if time_ns > done_ns:
-                solution = self._committed(time_ns, self._last_commit)
-                if solution is not None:
-                    self._commits.append(solution)
-        del self._commits[:-COMMITS_KEPT]
-
-    def _committed(self, time_ns: int, before: Solution) -> Solution | None:
-        solved = commit(supposed(self._log, before.suspicions), time_ns, before, self._settings)
-        if solved is None or not solved.is_sound:
-            return None
-        solved, held, examined = examine(self._log, time_ns, solved, before, self._settings)
-        solution = solved.solution(time_ns, solved.tie_scale(self._settings))._replace(
-            held=held, examined=examined, storeys_m=before.storeys_m
-        )
-        log = supposed(self._log, solution.suspicions)
-        heights = solve_heights(log, solved.assembled, time_ns, self._settings)
-        if not heights.is_sound:
-            return solution
-        levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
-        return solution._replace(storeys_m=levels_m)
-
-    def _keep(self, log: TeamLog, time_ns: int, solved: Solved) -> None:
-        heights = solve_heights(log, solved.assembled, time_ns, self._settings)
-        if not heights.is_sound:
+    def _solve(self, crew: Crew, due_ns: int) -> None:
+        self._commits.catch_up(due_ns)
+        self._solved_ns = max(self._solved_ns, due_ns)
+        before = self._commits.before(crew, due_ns)
+        fresh = None if crew.is_everybody else self._commits.fresh(crew, due_ns)
+        if fresh is None:
+            fresh = self._solved(crew, due_ns, before)
+        if fresh is not None and not fresh.heights.is_sound:
             self.counts["unsolved"] += 1
-            return
-        if self._commits:
-            self._storeys_m = np.array(self._commits[-1].storeys_m)
-            self._doubts = doubts_of(self._commits[-1].held)
+        elif fresh is not None:
+            self._keep(crew, fresh, before)
+
+    def _solved(self, crew: Crew, due_ns: int, before: Solution) -> Fresh | None:
+        heard = self._commits.log_of(crew, due_ns)
+        before = concerning(before, heard)
+        log = supposed(heard, before.suspicions)
+        settings = self._settings
+        solved = solve(log, due_ns, before, before.belief, settings, settings.tick_iterations)
+        if solved is None or not solved.is_sound:
+            self.counts["unsolved"] += solved is not None
+            return None
+        return Fresh(due_ns, log, solved, solve_heights(log, solved.assembled, due_ns, settings))
+
+    def _keep(self, crew: Crew, fresh: Fresh, before: Solution) -> None:
+        time_ns, log, solved, heights = fresh
+        if before is not NOTHING:
+            self._storeys_m = np.array(before.storeys_m)
+            self._keep_doubts(crew, doubts_of(before.held))
         for index, chain in enumerate(solved.assembled.chains):
             self._poses[chain.responder_id] = pose_of(solved, heights, index)
+            self._kept_ns[chain.responder_id] = time_ns
+            self._storeys_of[chain.responder_id] = self._storeys_m
             own = log.responders[chain.responder_id]
             cloud = cloud_before(solved, index, own, time_ns, self._settings)
             if cloud is None:
@@ -299,11 +327,20 @@ class TeamTracker:
             self._estimates[chain.responder_id] = estimate
             if time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
                 self._changed[chain.responder_id] = estimate
-        self._keep_daps(log, solved, heights)
+        self._keep_daps(self._commits.published(crew, time_ns, daps_of(log, solved, heights)))
 
-    def _keep_daps(self, log: TeamLog, solved: Solved, heights: Heights) -> None:
-        self._daps = daps_of(log, solved, heights)
-        for dap_id, dap in self._daps.items():
+    def _keep_doubts(self, crew: Crew, doubts: tuple[Doubt, ...]) -> None:
+        """Keep what is doubted by a crew, instead of what it or those it is made of doubted."""
+        gone = {EVERYBODY, crew.leader, *crew.members}
+        rest = {leader: each for leader, each in self._doubts_of.items() if leader not in gone}
+        self._doubts_of = {**rest, crew.leader: doubts} if doubts else rest
+        told = tuple(doubt for _, each in sorted(self._doubts_of.items()) for doubt in each)
+        if told != self._doubts:
+            self._doubts = told
+
+    def _keep_daps(self, daps: Mapping[str, InstalledDap]) -> None:
+        self._daps = {**self._daps, **daps}
+        for dap_id, dap in daps.items():
             told = self._told_daps.get(dap_id)
             if (
                 told is None
@@ -328,7 +365,8 @@ class TeamTracker:
     def _located(self, responder_id: str, now_ns: int) -> Estimate:
         log = self._log.responders[responder_id]
         pose = self._poses.get(responder_id) or first_pose(log, self._settings)
-        estimate = estimate_of(pose, log, now_ns, self._storeys_m, self._settings)
+        storeys_m = self._storeys_of.get(responder_id, self._storeys_m)
+        estimate = estimate_of(pose, log, now_ns, storeys_m, self._settings)
         cloud = self._clouds.get(responder_id)
         if cloud is None:
             return estimate

@@ -1,0 +1,291 @@
+"""What was solved of each crew, commit by commit, and what has to be solved again (pure).
+
+A commit is a function of what had happened until its time and of the commits of the period before:
+the crew's own, from which it starts, and those of crews that tell it where DAPs stand. It stays
+while these stay; an event that comes late takes away its own crew's, and so what rests on them.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import count
+from typing import NamedTuple
+
+from command_post.fusion.dap_map import InstalledDap
+from command_post.fusion.team.alone import commit_of_crowd
+from command_post.fusion.team.crews import (
+    Bonds,
+    Crew,
+    Crews,
+    crew_log,
+    crews_at,
+    daps_of_earlier,
+)
+from command_post.fusion.team.dap_places import places_of
+from command_post.fusion.team.doubts import examine
+from command_post.fusion.team.height_assembly import Heights, solve_heights, walked_storeys
+from command_post.fusion.team.log import Installed, TeamLog
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.solution import Solution, concerning, joined
+from command_post.fusion.team.solving import Solved, commit
+from command_post.fusion.team.suspicions import supposed
+from shared.units import NS_PER_S
+
+KEPT = 720
+KEPT_OF_A_CROWD = 30
+KEYFRAME_EVERY = 30
+"""Of a crowd older periods are kept now and then: an event as late has those between made again."""
+
+
+class Commit(NamedTuple):
+    """A crew as it was solved, where the DAPs stood that it set down, and what it was made of.
+
+    ``made_of`` are the serial numbers of other commits.
+    """
+
+    serial: int
+    crew: Crew
+    solution: Solution
+    places: Mapping[str, tuple[Installed, ...]]
+    made_of: tuple[int, ...]
+
+
+class Fresh(NamedTuple):
+    """What was solved last of a crew, of which log, and its heights."""
+
+    time_ns: int
+    log: TeamLog
+    solved: Solved
+    heights: Heights
+
+
+@dataclass
+class _Period:
+    """A period's crews, their commits by leader, and who is to be looked at when, last first."""
+
+    crews: Crews
+    to_do: list[tuple[int, Crew]]
+    commits: dict[str, Commit] = field(default_factory=dict)
+
+    def of(self, crew: Crew) -> list[Commit]:
+        """Return the commits that have any of a crew's members, by rank."""
+        if self.crews.is_everybody:
+            return list(self.commits.values())
+        leaders = {self.crews.leader_of.get(member) for member in crew.members}
+        found = [made for leader, made in self.commits.items() if leader in leaders]
+        return sorted(found, key=lambda made: made.crew.rank)
+
+    def teller(self, dap_id: str) -> Commit | None:
+        """Return the commit of the crew that had set down a DAP."""
+        return self.commits.get(self.crews.owner.get(dap_id, ""))
+
+
+class Commits:
+    """The commits of all crews: each at its phase of every period that follows one with events.
+
+    Period ``number`` begins at that many times ``commit_s``.
+    """
+
+    def __init__(self, log: TeamLog, bonds: Bonds, settings: TeamSettings) -> None:
+        self._log = log
+        self._bonds = bonds
+        self._settings = settings
+        self._period_ns = round(settings.commit_s * NS_PER_S)
+        self._numbers: list[int] = []
+        self._periods: dict[int, _Period] = {}
+        self._crews: dict[int, Crews] = {}
+        self._first = 0
+        self._kept_since = 0
+        self._serials = count()
+        self._fresh: Fresh | None = None
+        self.until_ns = -1
+        """Until when the commits have been made."""
+
+    def number_at(self, time_ns: int) -> int:
+        """Return the number of the period that ``time_ns`` is in."""
+        return time_ns // self._period_ns
+
+    def begin_ns(self, number: int) -> int:
+        """Return when a period begins."""
+        return number * self._period_ns
+
+    def crews(self, number: int) -> Crews:
+        """Return the crews of a period, by what had happened until it begins."""
+        if number not in self._crews:
+            until_ns = self.begin_ns(number)
+            self._crews[number] = crews_at(self._bonds, self._log.daps, until_ns, self._settings)
+            if len(self._crews) > KEPT:
+                del self._crews[min(self._crews)]
+        return self._crews[number]
+
+    def note(self, time_ns: int) -> None:
+        """Note that something happened at ``time_ns``."""
+        number = self.number_at(time_ns) + 1
+        at = bisect_left(self._numbers, number)
+        if self._numbers[at : at + 1] != [number]:
+            self._numbers.insert(at, number)
+
+    def forget(self, time_ns: int, who: str | None, *, bonds: bool) -> None:
+        """Drop what an event at ``time_ns``, noted already, makes wrong by coming late.
+
+        ``who`` is the responder whom it concerns, ``None`` if it may be anybody; ``bonds`` says
+        that it may change the crews.
+        """
+        if bonds:
+            for number in [n for n in self._crews if self.begin_ns(n) >= time_ns]:
+                del self._crews[number]
+        since = self.number_at(time_ns)
+        if since < self._kept_since:
+            since = 1 + max((n for n in self._periods if n < since), default=-1)
+            self._kept_since = since
+            self._periods = {n: each for n, each in self._periods.items() if n < since}
+        for number in [n for n in self._periods if n >= since]:
+            self._forget_in(number, time_ns, who)
+        self._first = min(self._first, since)
+
+    def _forget_in(self, number: int, time_ns: int, who: str | None) -> None:
+        period = self._periods[number]
+        period.crews = self.crews(number)
+        period.to_do = self._agenda(number)
+        still = {crew.leader: crew for crew in period.crews.crews}
+        begin_ns = self.begin_ns(number)
+        for leader, made in tuple(period.commits.items()):
+            concerned = who is None or made.crew.is_everybody or who in made.crew.members
+            if still.get(leader) != made.crew or (
+                concerned and begin_ns + made.crew.phase_ns >= time_ns
+            ):
+                del period.commits[leader]
+
+    def _agenda(self, number: int) -> list[tuple[int, Crew]]:
+        begin_ns = self.begin_ns(number)
+        due = ((begin_ns + crew.phase_ns, crew) for crew in self.crews(number).crews)
+        return sorted(due, reverse=True)
+
+    def catch_up(self, until_ns: int) -> None:
+        """Make the commits that are missing until ``until_ns``."""
+        self.until_ns = max(self.until_ns, until_ns)
+        for number in self._numbers[bisect_left(self._numbers, self._first) :]:
+            if self.begin_ns(number) > until_ns:
+                break
+            if number not in self._periods:
+                self._periods[number] = _Period(self.crews(number), self._agenda(number))
+            period = self._periods[number]
+            while period.to_do and period.to_do[-1][0] <= until_ns:
+                self._look_at(number, *period.to_do.pop())
+            if period.to_do:
+                break
+            self._first = number + 1
+            self._thin_out()
+
+    def _thin_out(self) -> None:
+        made = sorted(self._periods)
+        is_crowd = not self._periods[made[-1]].crews.is_everybody if made else False
+        first = max(len(made) - (KEPT_OF_A_CROWD if is_crowd else KEPT), 0)
+        if not first:
+            return
+        for number, before in zip(made[:first], [-1, *made], strict=False):
+            if not is_crowd or number // KEYFRAME_EVERY == before // KEYFRAME_EVERY:
+                del self._periods[number]
+        self._kept_since = max(self._kept_since, made[first])
+
+    def before(self, crew: Crew, time_ns: int) -> Solution:
+        """Return what a crew's solution at ``time_ns`` starts from."""
+        number = self.number_at(time_ns)
+        period = self._periods.get(number)
+        own = period.commits.get(crew.leader) if period is not None else None
+        if own is not None and own.crew == crew:
+            return own.solution
+        return joined([each.solution for each in self._previous(number, crew)])
+
+    def log_of(self, crew: Crew, time_ns: int) -> TeamLog:
+        """Return what a crew is solved from at ``time_ns``."""
+        number = self.number_at(time_ns)
+        tellers = self._tellers(number, crew, time_ns)
+        told = {dap_id: made.places[dap_id] for dap_id, made in tellers.items()}
+        return crew_log(self._log, self._bonds, self.crews(number), crew, time_ns, told)
+
+    def published(
+        self, crew: Crew, time_ns: int, daps: Mapping[str, InstalledDap]
+    ) -> dict[str, InstalledDap]:
+        """Return those DAPs that a crew has to tell of: its own, the first crew nobody's too."""
+        crews = self.crews(self.number_at(time_ns))
+        first = crews.crews[0].leader
+        return {d: dap for d, dap in daps.items() if crews.owner.get(d, first) == crew.leader}
+
+    def fresh(self, crew: Crew, time_ns: int) -> Fresh | None:
+        """Return what a crew's commit at ``time_ns`` was made of, if that was the last one made."""
+        if self._fresh is None or self._fresh.time_ns != time_ns:
+            return None
+        return self._fresh if crew.members[0] in self._fresh.log.responders else None
+
+    def _previous(self, number: int, crew: Crew) -> list[Commit]:
+        period = self._last_before(number)
+        return [] if period is None else period.of(crew)
+
+    def _last_before(self, number: int) -> _Period | None:
+        at = bisect_left(self._numbers, number)
+        while at and self._numbers[at - 1] not in self._periods:
+            at -= 1
+        return self._periods[self._numbers[at - 1]] if at else None
+
+    def _tellers(self, number: int, crew: Crew, until_ns: int) -> dict[str, Commit]:
+        period = self._last_before(number)
+        if period is None or crew.is_everybody:
+            return {}
+        daps = daps_of_earlier(self._bonds, self.crews(number), crew, until_ns)
+        tellers = {dap_id: period.teller(dap_id) for dap_id in daps}
+        return {
+            dap_id: made
+            for dap_id, made in tellers.items()
+            if made is not None and dap_id in made.places
+        }
+
+    def _look_at(self, number: int, time_ns: int, crew: Crew) -> None:
+        """Make a crew's commit, unless it is there and was made of the same."""
+        period = self._periods[number]
+        previous = self._previous(number, crew)
+        tellers = self._tellers(number, crew, time_ns)
+        made_of = tuple(each.serial for each in (*previous, *tellers.values()))
+        made = period.commits.get(crew.leader)
+        if made is not None and made.made_of == made_of:
+            return
+        told = {dap_id: each.places[dap_id] for dap_id, each in tellers.items()}
+        log = crew_log(self._log, self._bonds, self.crews(number), crew, time_ns, told)
+        before = joined([each.solution for each in previous])
+        begin = concerning(before, log)
+        done = _commit(crew, log, time_ns, begin, self._settings)
+        self._fresh = None if done is None else done[1]
+        if done is not None:
+            solution, fresh = done
+            own = {d for d in log.daps if self.crews(number).owner.get(d) == crew.leader}
+            places = places_of(fresh.solved, fresh.heights, own)
+        elif previous:
+            # It could not be solved: the one before stands.
+            solution = before
+            places = {dap_id: stood for each in previous for dap_id, stood in each.places.items()}
+        else:
+            period.commits.pop(crew.leader, None)
+            return
+        period.commits[crew.leader] = Commit(next(self._serials), crew, solution, places, made_of)
+
+
+def _commit(
+    crew: Crew, log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings
+) -> tuple[Solution, Fresh] | None:
+    """Return a commit's solution, and what is behind it; ``None`` if there is none."""
+    solve = commit if crew.is_everybody else commit_of_crowd
+    solved = solve(supposed(log, before.suspicions), time_ns, before, settings)
+    if solved is None or not solved.is_sound:
+        return None
+    solved, held, examined = examine(log, time_ns, solved, before, settings)
+    solution = solved.solution(time_ns, solved.tie_scale(settings))._replace(
+        held=held, examined=examined, storeys_m=before.storeys_m
+    )
+    log = supposed(log, solution.suspicions)
+    heights = solve_heights(log, solved.assembled, time_ns, settings)
+    if heights.is_sound:
+        levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
+        solution = solution._replace(storeys_m=levels_m)
+    return solution, Fresh(time_ns, log, solved, heights)
