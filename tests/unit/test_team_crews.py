@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -77,14 +78,14 @@ def test_who_met_is_one_crew_and_so_is_who_sets_down_what_another_passes() -> No
 
 @pytest.fixture(scope="module")
 def said() -> list[Said]:
-    """Three crews of three, two of whom share a DAP in the end, and one of their messages twice."""
+    """What three crews of three say, one of whom passes a DAP of another crew."""
     said = list(crowd(3, 3, MINUTES, 2.0, seed=3))
-    number = next(
-        at for at, each in enumerate(said)
+    passed = next(
+        each.message for each in said
         if isinstance(each.message, RssiPeak) and each.message.responder_id == "r1-2"
     )  # fmt: skip
-    strange = said[number]
-    return [*said, Said("dap0-0", strange.message)]
+    said.append(Said("dap0-0", structs.replace(passed, event_time_ns=passed.event_time_ns + 1)))
+    return sorted(said, key=lambda each: each.message.event_time_ns)
 
 
 def held(tracker: TeamTracker) -> tuple[object, ...]:
@@ -121,8 +122,12 @@ def test_the_order_of_arrival_leaves_no_trace_to_the_bit(said: list[Said]) -> No
 
 
 def test_saved_midway_and_loaded_it_goes_on_to_the_bit(said: list[Said]) -> None:
-    passed = [at for at, each in enumerate(said) if isinstance(each.message, RssiPeak)]
-    middle = passed[len(passed) // 2]
+    times_ns = [each.message.event_time_ns for each in said if isinstance(each.message, RssiPeak)]
+    # Everybody has taken a stride since the last pass.
+    gap_ns = next(
+        one for one, other in pairwise(times_ns[len(times_ns) // 2 :]) if other - one > NS_PER_S
+    )
+    middle = sum(each.message.event_time_ns < gap_ns + 0.9 * NS_PER_S for each in said)
     whole = TeamTracker(SETTINGS)
     after(whole, said[:middle])
     resumed = TeamTracker.load(whole.save(), SETTINGS)
