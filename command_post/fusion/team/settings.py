@@ -55,6 +55,10 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     and the more responders there are the more rarely, so that no more than ``solved_a_second`` are
     solved in a second; all of them at least once in ``commit_s``. Of such a crew the headings of
     ``turned_of_crowd`` are tried at a commit.
+
+    A building's axis is believed in where ``axis_least_moves`` are straight and a share of
+    ``axis_least_share`` of them lies along one; that it is ``axis_rad``, where headings alone tell
+    it to ``axis_seen_sd_rad``.
     """
 
     tick_s: Seconds = 2.0
@@ -105,6 +109,9 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     straight_sd_rad: Radians = math.radians(6.0)
     straight_least_m: Metres = 1.8
     straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985
+    axis_least_moves: Annotated[int, Meta(ge=1, le=1000)] = 4
+    axis_least_share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.65
+    axis_seen_sd_rad: Radians = math.radians(22.0)
     axis_from_turn_sd_rad: Radians = math.radians(40.0)
 
     front_particles: Annotated[int, Meta(ge=64, le=100_000)] = 1024

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from command_post.fusion.team.arithmetic import logarithm
 from command_post.fusion.team.assembly import (
     ANY_AXIS_SD_RAD,
     NO_AXIS,
@@ -15,22 +14,21 @@ from command_post.fusion.team.assembly import (
     AxisBelief,
     assemble,
 )
-from command_post.fusion.team.chain import straight_moves, turn_known
+from command_post.fusion.team.axis import HALF_PI, directions, likely_axis, share_along
+from command_post.fusion.team.chain import turn_known
 from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
+from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import Floats, TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_scale
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
-from shared.compiled import compiled
 from shared.units import NS_PER_S
 
 KNOWN_TURNS_RAD = tuple(math.radians(each) for each in (-60.0, -30.0, 30.0, 60.0))
 UNKNOWN_TURNS_RAD = tuple(math.radians(each) for each in range(-150, 181, 30))
 LEAST_NODES = 4
-HALF_PI = math.pi / 2.0
 UNIFORM_COST = -2.0 * math.log(2.0 / math.pi)
-AXIS_GRID = 45
 FREE_AXIS_COST = 6.0
 NO_AXIS_COST = 8.0
 """How much less likely beforehand a building is that stands askew, or has no axis."""
@@ -80,7 +78,10 @@ def _begun(
 ) -> Solved:  # fmt: skip
     pose, arrow = begin_from(before, assembled)
     if belief.mode == "free" and before.belief.mode != "free":
-        arrow[0] = belief.axis_rad
+        arrow[AXIS] = belief.axis_rad
+    elif belief.mode == "given":
+        # An axis is one with those at right angles to it: ways are turned to the nearest.
+        arrow[AXIS] -= HALF_PI * round((float(arrow[AXIS]) - belief.axis_rad) / HALF_PI)
     return solved_from(assembled, pose, arrow, belief, settings, iterations)
 
 
@@ -125,27 +126,48 @@ def turned_at(time_ns: int, chains: int, most: int, settings: TeamSettings) -> l
 
 
 def _with_axis(before: Solution, found: Solved, settings: TeamSettings) -> Solved:
-    """Return the solution under the belief of the building that explains the team's ways best."""
+    """Return the solution under the belief of the building that explains the team's ways best.
+
+    No axis is believed in unless ways that are held to none go along one. That it is the one given
+    is not believed before it is known well, by headings, whichever it be: a lone responder who
+    hardly knows their heading suits any.
+    """
     held = before.belief.chains | {
         chain.responder_id
         for index, chain in enumerate(found.assembled.chains)
         if found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
     }
-    likely_rad = _likely_axis(found, held, settings)
-    trials: list[tuple[float, Solved]] = []
-    for belief in (
-        AxisBelief("given", settings.axis_rad, settings.axis_sd_rad, held),
-        AxisBelief("free", likely_rad, ANY_AXIS_SD_RAD, held),
-        NO_AXIS,
-    ):
-        tried = found
-        if belief != found.belief:
-            believing = found.assembled.believing(belief, settings)
-            tried = _begun(believing, before, belief, settings, settings.commit_iterations)
+
+    def under(belief: AxisBelief) -> Solved:
+        if belief == found.belief:
+            return found
+        believing = found.assembled.believing(belief, settings)
+        return _begun(believing, before, belief, settings, settings.commit_iterations)
+
+    def cost(tried: Solved) -> float:
         # Hysteresis: the belief held so far has the better of a tie.
-        stays = settings.adopt_gain if belief.mode == before.belief.mode else 0.0
-        trials.append((_belief_cost(tried, settings) - stays, tried))
-    return min(trials, key=lambda each: each[0])[1]
+        stays = settings.adopt_gain if tried.belief.mode == before.belief.mode else 0.0
+        return _belief_cost(tried, settings) - stays
+
+    unheld = under(NO_AXIS)
+    several_rad = directions(unheld.assembled, unheld.pose, held, settings)
+    if not unheld.is_sound or not _go_along_one(several_rad, settings):
+        return unheld
+    likely_rad = likely_axis(np.concatenate(several_rad), settings.straight_sd_rad)
+    free = under(AxisBelief("free", likely_rad, ANY_AXIS_SD_RAD, held))
+    trials = [free, unheld]
+    if free.shared[AXIS, AXIS] < settings.axis_seen_sd_rad**2:
+        given = AxisBelief("given", settings.axis_rad, settings.axis_sd_rad, held)
+        trials.insert(0, under(given))
+    return min(trials, key=cost)
+
+
+def _go_along_one(several_rad: list[Floats], settings: TeamSettings) -> bool:
+    """Whether straight moves, by responder, are enough and alike enough for an axis."""
+    return (
+        sum(each.size for each in several_rad) >= settings.axis_least_moves
+        and share_along(several_rad, settings.straight_sd_rad) >= settings.axis_least_share
+    )
 
 
 def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
@@ -162,41 +184,6 @@ def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
     if tried.belief.mode == "free":
         return tried.cost + gained + FREE_AXIS_COST
     return tried.cost + NO_AXIS_COST
-
-
-def _likely_axis(found: Solved, held: frozenset[str], settings: TeamSettings) -> float:
-    """Return the axis (rad) that the straight moves of the solution suit best, by a grid."""
-    directions = _directions_rad(found, held, settings)
-    if directions.size == 0:
-        return 0.0
-    best_rad, best = 0.0, math.inf
-    for step in range(AXIS_GRID):
-        axis_rad = HALF_PI * step / AXIS_GRID
-        off_rad = directions - axis_rad
-        off_rad -= HALF_PI * np.round(off_rad / HALF_PI)
-        cost = _cauchy_cost(off_rad / settings.straight_sd_rad)
-        if cost < best:
-            best_rad, best = axis_rad, cost
-    return best_rad
-
-
-@compiled
-def _cauchy_cost(deviations: Floats) -> float:
-    cost = 0.0
-    for off in deviations:
-        cost += logarithm(1.0 + off * off)
-    return cost
-
-
-def _directions_rad(found: Solved, held: frozenset[str], settings: TeamSettings) -> Floats:
-    directions: list[float] = []
-    for index, chain in enumerate(found.assembled.chains):
-        if chain.responder_id in held:
-            straight, own_rad = straight_moves(chain, found.assembled.nodes[index], settings)
-            at = int(found.assembled.graph.first[index]) + straight
-            turn_rad = 0.5 * (found.pose[at, 2] + found.pose[at + 1, 2])
-            directions += (own_rad + turn_rad).tolist()
-    return np.array(directions)
 
 
 def with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> Solved:

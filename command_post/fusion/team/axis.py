@@ -1,0 +1,76 @@
+"""What straight moves say of a building's axis: where it lies, and whether there is one (pure).
+
+Directions are taken modulo a right angle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+import numpy as np
+
+from command_post.fusion.team.arithmetic import logarithm
+from command_post.fusion.team.assembly import Assembled
+from command_post.fusion.team.chain import straight_moves
+from command_post.fusion.team.log import Floats
+from command_post.fusion.team.settings import TeamSettings
+from shared.compiled import compiled
+
+HALF_PI = math.pi / 2.0
+AXIS_GRID = 45
+ALONG_RAD = math.radians(10.0)
+"""A move along an axis is off it by no more."""
+
+
+def directions(
+    assembled: Assembled, pose: Floats, held: Collection[str], settings: TeamSettings
+) -> list[Floats]:
+    """Return the ways (rad, in the incident's frame) of straight moves, for each in ``held``."""
+    found = []
+    for index, chain in enumerate(assembled.chains):
+        if chain.responder_id in held:
+            straight, own_rad = straight_moves(chain, assembled.nodes[index], settings)
+            at = int(assembled.graph.first[index]) + straight
+            found.append(own_rad + 0.5 * (pose[at, 2] + pose[at + 1, 2]))
+    return found
+
+
+def likely_axis(directions_rad: Floats, sd_rad: float) -> float:
+    """Return the axis in [0, π/2) that suits directions best, by a grid; 0 if there are none.
+
+    They are off it as by a Cauchy density of that width.
+    """
+    best_rad, best = 0.0, math.inf
+    for step in range(AXIS_GRID if directions_rad.size else 0):
+        axis_rad = HALF_PI * step / AXIS_GRID
+        cost = _cauchy_cost(_off_rad(directions_rad, axis_rad) / sd_rad)
+        if cost < best:
+            best_rad, best = axis_rad, cost
+    return best_rad
+
+
+@compiled
+def _cauchy_cost(deviations: Floats) -> float:
+    cost = 0.0
+    for off in deviations:
+        cost += logarithm(1.0 + off * off)
+    return cost
+
+
+def share_along(several_rad: Collection[Floats], sd_rad: float) -> float:
+    """Return which share of directions lies along the axis that suits each responder's own best.
+
+    In a building with an axis that is most of them; where ways bend or go anywhere, little more
+    than chance makes it. 0 if there are none.
+    """
+    along = 0
+    for directions_rad in several_rad:
+        off_rad = _off_rad(directions_rad, likely_axis(directions_rad, sd_rad))
+        along += int((np.abs(off_rad) < ALONG_RAD).sum())
+    return along / max(sum(each.size for each in several_rad), 1)
+
+
+def _off_rad(directions_rad: Floats, axis_rad: float) -> Floats:
+    off_rad = directions_rad - axis_rad
+    return np.asarray(off_rad - HALF_PI * np.round(off_rad / HALF_PI))

@@ -1,0 +1,74 @@
+"""When a building is held to have an axis, and that given to be it."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from command_post.fusion.team.axis import likely_axis, share_along
+from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.solution import NOTHING
+from command_post.fusion.team.solving import Solved, commit
+from tests.stride_world import at_ns, stride, track_start
+
+SD_RAD = math.radians(6.0)
+SQUARE = [(0.0, 0.0), (12.0, 0.0), (12.0, 12.0), (0.0, 12.0), (0.0, 0.0), (12.0, 0.0)]
+
+
+def walked(heading_sd_rad: float, askew_rad: float, corners: list[tuple[float, float]]) -> Solved:
+    """Return the commit at the end of one responder's way past corners, turned by ``askew_rad``."""
+    log = TeamLog()
+    log.add_start("r1", track_start(0.0, heading_sd_rad=heading_sd_rad))
+    number = 0
+    for (north_m, east_m), (to_north_m, to_east_m) in pairwise(corners):
+        leg = complex(to_north_m - north_m, to_east_m - east_m) * np.exp(1j * askew_rad)
+        for _ in range(round(abs(leg) / 1.2)):
+            number += 1
+            step = 1.2 * leg / abs(leg)
+            log.add_move("r1", stride(2.0 + number, step.real, step.imag, sequence=number))
+    found = commit(log, at_ns(3.0 + number), NOTHING, TeamSettings())
+    assert found is not None
+    return found
+
+
+def test_directions_are_alike_modulo_a_right_angle() -> None:
+    about_rad = np.radians([20.0, 110.0, 22.0, -71.0, 200.0, 60.0])
+    assert likely_axis(about_rad, SD_RAD) == pytest.approx(math.radians(20.0), abs=0.04)
+    assert share_along([about_rad], SD_RAD) == pytest.approx(5.0 / 6.0)
+
+
+def test_each_goes_along_an_axis_of_their_own() -> None:
+    one_rad, other_rad = np.radians([0.0, 91.0, 179.0]), np.radians([30.0, 121.0])
+    assert share_along([one_rad, other_rad], SD_RAD) == 1.0
+    assert share_along([np.concatenate([one_rad, other_rad])], SD_RAD) == pytest.approx(0.6)
+    assert share_along([], SD_RAD) == 0.0
+
+
+def test_who_hardly_knows_their_heading_is_not_turned_to_the_axis_given() -> None:
+    found = walked(math.radians(30.0), math.radians(20.0), SQUARE)
+    assert found.belief.mode == "free"
+    assert np.abs(found.pose[:, 2]).max() < math.radians(4.0)
+
+
+def test_who_knows_their_heading_shows_that_the_axis_is_the_one_given() -> None:
+    found = walked(math.radians(2.0), math.radians(3.0), SQUARE)
+    assert found.belief.mode == "given"
+    assert found.pose[-1, 2] == pytest.approx(math.radians(-3.0), abs=math.radians(2.5))
+
+
+def test_who_knows_their_heading_shows_that_the_axis_is_another() -> None:
+    assert walked(math.radians(2.0), math.radians(40.0), SQUARE).belief.mode == "free"
+
+
+def test_a_round_way_shows_no_axis() -> None:
+    around = np.radians(np.arange(0.0, 700.0, 12.0))
+    ring = [(15.0 * math.sin(each), 15.0 - 15.0 * math.cos(each)) for each in around.tolist()]
+    assert walked(math.radians(2.0), 0.0, ring).belief.mode == "none"
+
+
+def test_a_few_moves_show_no_axis() -> None:
+    assert walked(math.radians(2.0), 0.0, SQUARE[:2]).belief.mode == "none"
