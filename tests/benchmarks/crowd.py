@@ -1,6 +1,6 @@
 """A crowd for benchmarks: crews who walk a floor of their own, past DAPs that they set down.
 
-It is no test of accuracy: ways are rectangles, errors of strides are drawn independently.
+It is no test of accuracy: ways are rectangles, and errors simpler than a boot's or a radio's.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ START_NS = 1_700_000_000 * NS_PER_S
 STRIDE_M = 1.2
 DAP_EVERY_M = 20.0
 PEAK_DBM = -41.0
+JUMP_RAD, JUMP_SHARE = 0.1, 1.0 / 150.0
+"""Now and then a heading jumps."""
 
 
 class Said(NamedTuple):
@@ -59,12 +61,15 @@ def _crew(
     dap_m = DAP_EVERY_M * (np.arange(daps) + 0.5)
     for member in range(members):
         name = f"r{crew}-{member}"
-        begin_s = 1.0 + 2.5 * member + 0.004 * crew
+        # Nobody keeps in step with others.
+        begin_s = 1.0 + 2.5 * member + chance.uniform(0.0, 2.0)
         yield Said(name, _start(begin_s, place_m))
         count = int(60.0 * minutes * rate_hz)
         length_m = STRIDE_M * np.arange(count + 1, dtype=np.float64)
         way_m = _on_rectangle(length_m % round_m, round_m)
-        turn_rad = chance.normal(0.0, 0.1) + np.cumsum(chance.normal(0.0, 0.006, count))
+        jump_rad = chance.normal(0.0, JUMP_RAD, count) * (chance.random(count) < JUMP_SHARE)
+        drift_rad = np.cumsum(chance.normal(0.0, 0.006, count) + jump_rad)
+        turn_rad = chance.normal(0.0, 0.1) + drift_rad
         step_m = np.diff(way_m, axis=0)
         cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
         own_m = np.column_stack([
@@ -80,7 +85,8 @@ def _crew(
                 if first:
                     yield Said(f"dap{crew}-{dap}", _installation(passed_s, name))
                 else:
-                    yield Said(f"dap{crew}-{dap}", _peak(passed_s, name, number))
+                    heard_s = passed_s + chance.normal(0.0, 0.2)
+                    yield Said(f"dap{crew}-{dap}", _peak(heard_s, name, number))
 
 
 def _on_rectangle(along_m: Floats, round_m: float) -> Floats:

@@ -204,7 +204,13 @@ class Commits:
         number = self.number_at(time_ns)
         tellers = self._tellers(number, crew, time_ns)
         told = {dap_id: made.places[dap_id] for dap_id, made in tellers.items()}
-        return crew_log(self._log, self._bonds, self.crews(number), crew, time_ns, told)
+        return self._crew_log(number, crew, time_ns, told)
+
+    def _crew_log(
+        self, number: int, crew: Crew, time_ns: int, told: Mapping[str, tuple[Installed, ...]]
+    ) -> TeamLog:
+        most = self._settings.crew_most
+        return crew_log(self._log, self._bonds, self.crews(number), crew, time_ns, told, most)
 
     def published(
         self, crew: Crew, time_ns: int, daps: Mapping[str, InstalledDap]
@@ -252,7 +258,7 @@ class Commits:
         if made is not None and made.made_of == made_of:
             return
         told = {dap_id: each.places[dap_id] for dap_id, each in tellers.items()}
-        log = crew_log(self._log, self._bonds, self.crews(number), crew, time_ns, told)
+        log = self._crew_log(number, crew, time_ns, told)
         before = joined([each.solution for each in previous])
         begin = concerning(before, log)
         done = _commit(crew, log, time_ns, begin, self._settings)

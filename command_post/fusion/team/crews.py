@@ -59,7 +59,7 @@ class Crews(NamedTuple):
     @property
     def responders(self) -> int:
         """How many there are in all."""
-        return sum(len(crew.members) for crew in self.crews)
+        return len(self.leader_of)
 
 
 class Bonds:
@@ -103,6 +103,10 @@ class Bonds:
         """Note that two responders met."""
         one, other = sorted((one_id, other_id))
         return _note(self.met_ns, (one, other), time_ns)
+
+    def began_until(self, until_ns: int) -> int:
+        """Return how many had begun by then."""
+        return sum(time_ns <= until_ns for time_ns in self.began_ns.values())
 
     def daps_passed(self, crew: Crew, until_ns: int) -> set[str]:
         """Return the DAPs that any of a crew had passed by then."""
@@ -211,14 +215,15 @@ class _Union:
 
 def crew_log(
     log: TeamLog, bonds: Bonds, crews: Crews, crew: Crew, until_ns: int,
-    told: Mapping[str, tuple[Installed, ...]],
+    told: Mapping[str, tuple[Installed, ...]], crew_most: int,
 ) -> TeamLog:  # fmt: skip
     """Return what a crew is solved from: its members, and the DAPs that concern them.
 
     A DAP that another crew set down stands where ``told`` has it, or where their own passes put it.
-    The crew that began first has all DAPs that are nobody's, too.
+    The crew that began first has all DAPs that are nobody's, too. Of a team that has just become
+    too large for one crew the rest wait until the crews are made.
     """
-    if crew.is_everybody:
+    if crew.is_everybody and bonds.began_until(until_ns) <= crew_most:
         return log
     own = TeamLog()
     own.responders = {member: log.responders[member] for member in crew.members}
