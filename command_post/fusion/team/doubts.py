@@ -26,6 +26,7 @@ from command_post.fusion.team.misfits import (
     passes_of,
     worst_bend,
 )
+from command_post.fusion.team.same_floor import by_floor
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import NOTHING, Held, Solution, begin_from, laid_out
 from command_post.fusion.team.solving import Solved, solve, solved_from
@@ -321,6 +322,7 @@ def _turned_since(
     assembled = assemble(log, case.time_ns, begin.belief, case.tie_scale, case.settings)
     if assembled is None:
         return None
+    assembled = by_floor(log, assembled, case.time_ns, case.settings)
     start, arrow_start = begin_from(before, assembled)
     index = next(
         at for at, chain in enumerate(assembled.chains) if chain.responder_id == suspicion.node_id

@@ -19,6 +19,7 @@ from command_post.fusion.team.chain import turn_known
 from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import Floats, TeamLog
+from command_post.fusion.team.same_floor import by_floor
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_scale
 from command_post.fusion.team.smoother import smooth
@@ -69,6 +70,7 @@ def solve(
     assembled = assemble(log, time_ns, belief, before.tie_scale, settings)
     if assembled is None:
         return None
+    assembled = by_floor(log, assembled, time_ns, settings)
     return _begun(assembled, before, belief, settings, iterations)
 
 
