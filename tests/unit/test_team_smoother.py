@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from command_post.fusion.team.elimination import ENDS_ONLY, EVERY_NODE, NO_COVARIANCE
-from command_post.fusion.team.graph import Graph, with_columns
+from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.smoother_plain import smooth_plainly
 
@@ -26,19 +26,20 @@ def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
     first = np.concatenate([[0], np.cumsum(LENGTHS)])
     from_node = [n for n in range(first[-1]) if n + 1 not in first]
     unit = [0 if n < 5 else 1 + int(np.searchsorted(first, n, side="right") - 1) for n in from_node]
-    move_at = np.array([(n, 1 + 2 * u, 0) for n, u in zip(from_node, unit, strict=True)])
+    move_at = np.array([(n, FIRST_UNIT + 2 * u, 0) for n, u in zip(from_node, unit, strict=True)])
     count = len(from_node)
     move = np.column_stack([
         chance.normal(0.0, 5.0, (count, 2)), chance.uniform(3.0, 10.0, count),
         chance.uniform(0.1, 0.5, count), chance.uniform(0.01, 0.05, count),
     ])  # fmt: skip
     tied = np.sort(chance.integers(0, first[-1], 15))
-    place = 1 + 2 * UNITS + 2 * chance.integers(0, PLACES, 15)
+    place = FIRST_UNIT + 2 * UNITS + 2 * chance.integers(0, PLACES, 15)
     tie_at = np.column_stack([tied, place, np.zeros(15, np.int64)])
     tie = np.column_stack([
         chance.normal(size=(15, 2)), chance.uniform(0.3, 2.0, 15), chance.choice([0.0, 4.0], 15),
+        chance.normal(size=(15, 2)),
     ])  # fmt: skip
-    size = 1 + 2 * UNITS + 2 * PLACES
+    size = FIRST_UNIT + 2 * UNITS + 2 * PLACES
     columns, columns_first, width = with_columns(first, move_at, tie_at, size)
     graph = Graph(
         first, columns, columns_first, width, move, move_at, tie, tie_at,
@@ -51,10 +52,11 @@ def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
         place=np.column_stack([chance.normal(0.0, 10.0, (PLACES, 2)), np.full(PLACES, 100.0)]),
         unit_sd=UNIT_SD,
         axis=np.array([0.0, 0.02]),
+        lead_sd_s=np.array([0.5]),
     )  # fmt: skip
     pose = chance.normal(0.0, 5.0, (int(first[-1]), 3)) * [1.0, 1.0, 0.1]
     arrow = np.concatenate([
-        [0.05], np.tile([0.01, 0.001], UNITS), chance.normal(0.0, 5.0, 2 * PLACES)
+        [0.05, 0.3], np.tile([0.01, 0.001], UNITS), chance.normal(0.0, 5.0, 2 * PLACES)
     ])  # fmt: skip
     return graph, pose, arrow
 

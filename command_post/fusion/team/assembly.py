@@ -18,7 +18,7 @@ from command_post.fusion.team.chain import (
     turn_known,
     unit_sd,
 )
-from command_post.fusion.team.graph import Graph, with_columns
+from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
 from command_post.fusion.team.log import Floats, Installed, Ints, Peak, TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from shared.messages import LocalPosition
@@ -71,11 +71,15 @@ class Assembled:
     @property
     def arrow_size(self) -> int:
         """Length of the arrow."""
-        return 1 + 2 * self.units + 2 * len(self.places)
+        return self.place_column(len(self.places))
 
     def place_column(self, place: int) -> int:
         """The column at which a place stands in the arrow."""
-        return 1 + 2 * self.units + 2 * place
+        return FIRST_UNIT + 2 * self.units + 2 * place
+
+    def unit_column(self, chain: int, unit: int = 0) -> int:
+        """The column at which a unit of a chain stands in the arrow."""
+        return FIRST_UNIT + 2 * (self.unit_first[chain] + unit)
 
     def believing(self, belief: AxisBelief, settings: TeamSettings) -> Assembled:
         """Return the same, with another belief of the building's axis."""
@@ -86,9 +90,10 @@ class Assembled:
 
 
 class _Tie(NamedTuple):
-    """A place reached by the chain: stance, offset from there, standard deviation, freedom."""
+    """A place reached by the chain: when, stance, offset from there, deviation, freedom."""
 
     chain: int
+    time_ns: int
     stance: int
     north_m: float
     east_m: float
@@ -207,7 +212,7 @@ def _dap_place(dap_id: str, installed: Installed) -> PlaceId:
 def _tie(
     chains: list[Chain], chain: int, time_ns: int, place: PlaceId, sd_m: float, dof: float
 ) -> _Tie:
-    return _Tie(chain, *chains[chain].nearest(time_ns), place, sd_m, dof)
+    return _Tie(chain, time_ns, *chains[chain].nearest(time_ns), place, sd_m, dof)
 
 
 def _passes(
@@ -299,7 +304,7 @@ def _build(
     unit_first = np.concatenate([[0], np.cumsum([len(chain.starts) for chain in chains])])
     units = int(unit_first[-1])
     places = sorted({tie.place for tie in ties} | known.keys())
-    column = {place: 1 + 2 * units + 2 * at for at, place in enumerate(places)}
+    column = {place: FIRST_UNIT + 2 * (units + at) for at, place in enumerate(places)}
     ties = sorted(ties, key=lambda tie: (tie.chain, tie.stance, tie.place, tie.sd_m))
     moves = [
         _moves(chain, nodes[index], int(first[index]), int(unit_first[index]))
@@ -310,7 +315,7 @@ def _build(
     tie_at = np.array(
         [(node_of[tie.chain][tie.stance], column[tie.place], 0) for tie in ties], np.int64
     ).reshape(-1, 3)
-    arrow_size = 1 + 2 * units + 2 * len(places)
+    arrow_size = FIRST_UNIT + 2 * (units + len(places))
     columns, columns_first, width = with_columns(first, move_at, tie_at, arrow_size)
     straight, straight_at = _straights(chains, nodes, belief, settings)
     turns = [
@@ -323,7 +328,7 @@ def _build(
     ]
     graph = Graph(
         first, columns, columns_first, width, move, move_at,
-        np.array([(t.north_m, t.east_m, t.sd_m, t.dof) for t in ties]).reshape(-1, 4), tie_at,
+        _tie_rows(chains, ties), tie_at,
         np.array([fix.row for fix in fixes]).reshape(-1, 6),
         np.array([node_of[fix.chain][fix.stance] for fix in fixes], np.int64),
         np.array([(0.0, max(sd_rad, 1e-3)) for _, sd_rad in turns]).reshape(-1, 2),
@@ -331,6 +336,7 @@ def _build(
         straight, straight_at,
         np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
         unit_sd(chains, settings), np.array([belief.axis_rad, belief.sd_rad]),
+        np.array([settings.lead_sd_s]),
     )  # fmt: skip
     seen: dict[PlaceId, int] = {}
     by: dict[PlaceId, int] = {}
@@ -367,6 +373,17 @@ def _nodes(
     return nodes, np.concatenate([[0], np.cumsum([len(each) for each in nodes])])
 
 
+def _tie_rows(chains: list[Chain], ties: list[_Tie]) -> Floats:
+    """Return ``Graph.tie`` of ties in the order of their chains."""
+    rows = np.array([(t.north_m, t.east_m, t.sd_m, t.dof, 0.0, 0.0) for t in ties]).reshape(-1, 6)
+    of_chain = np.array([tie.chain for tie in ties], np.int64)
+    time_ns = np.array([tie.time_ns for tie in ties], np.int64)
+    for index, chain in enumerate(chains):
+        heard = (of_chain == index) & (rows[:, 3] > 0.0)
+        rows[heard, 4:] = chain.velocity_m_s(time_ns[heard])
+    return rows
+
+
 def _moves(chain: Chain, nodes: Ints, first: int, first_unit: int) -> tuple[Floats, Ints]:
     """Return a chain's rows of ``Graph.move`` and ``Graph.move_at``."""
     one, other = nodes[:-1], nodes[1:]
@@ -381,7 +398,7 @@ def _moves(chain: Chain, nodes: Ints, first: int, first_unit: int) -> tuple[Floa
     sd_m[link] = np.sqrt(place_m2[link])
     sd_rad[link] = UNKNOWN_TURN_SD_RAD
     rows = np.column_stack([way_m, duration_s, np.maximum(sd_m, 0.01), np.maximum(sd_rad, 1e-4)])
-    scale = 1 + 2 * (first_unit + chain.unit[other])
+    scale = FIRST_UNIT + 2 * (first_unit + chain.unit[other])
     at = np.column_stack([first + np.arange(len(one)), scale, np.zeros(len(one), np.int64)])
     return rows, at.astype(np.int64)
 

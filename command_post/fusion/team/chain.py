@@ -26,6 +26,7 @@ from shared.compiled import compiled
 from shared.units import NS_PER_S
 
 MOST_LOST = 1000
+PACE_S = 1.5
 KNOWN_TURN_SD_RAD = 1.5
 """A heading known no better than this is not known."""
 
@@ -70,6 +71,22 @@ class Chain(NamedTuple):
         if share >= 0.5:
             return after, -(1.0 - share) * north_m, -(1.0 - share) * east_m
         return after - 1, share * north_m, share * east_m
+
+    def velocity_m_s(self, time_ns: Ints) -> Floats:
+        """Return how fast the body then went (n, 2), north and east in the agent's frame.
+
+        It is the mean over ``PACE_S``: a boot swings and stands while the body goes on evenly.
+        """
+        knots_ns = np.maximum.accumulate(np.column_stack([self.begin_ns, self.time_ns]).ravel())
+        way_m = np.repeat(self.way_m, 2, axis=0)
+        way_m[2::2] = self.way_m[:-1]
+        half_ns = round(0.5 * PACE_S * NS_PER_S)
+        gone_m = [
+            np.interp(time_ns + half_ns, knots_ns, along)
+            - np.interp(time_ns - half_ns, knots_ns, along)
+            for along in way_m.T
+        ]
+        return np.column_stack(gone_m) / PACE_S
 
 
 def chain_of(

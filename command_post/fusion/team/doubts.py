@@ -14,6 +14,7 @@ from typing import NamedTuple
 from command_post.fusion.interface import Doubt
 from command_post.fusion.team.arithmetic import logarithm
 from command_post.fusion.team.assembly import assemble
+from command_post.fusion.team.graph import FIRST_UNIT
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.misfits import (
     EXPECTED_COST,
@@ -157,10 +158,10 @@ def _misfit(own: list[Pass], passes: list[Pass]) -> float:
 def _strain(solved: Solved, index: int) -> float:
     """Return how much a responder's turns, scales and drifts cost beyond the usual."""
     strain = max(worst_bend(solved, index).cost - STANDS_OUT, 0.0)
-    first = 2 * solved.assembled.unit_first[index]
     for unit in range(len(solved.assembled.chains[index].starts)):
-        own = slice(first + 2 * unit, first + 2 * unit + 2)
-        scale, drift = (solved.arrow[1:][own] / solved.assembled.graph.unit_sd[own]).tolist()
+        column = solved.assembled.unit_column(index, unit)
+        sd = solved.assembled.graph.unit_sd[column - FIRST_UNIT : column - FIRST_UNIT + 2]
+        scale, drift = (solved.arrow[column : column + 2] / sd).tolist()
         strain += max(scale * scale + drift * drift - EXPECTED_COST, 0.0)
     return strain
 

@@ -59,7 +59,7 @@ def pose_of(solved: Solved, heights: Heights, index: int) -> Pose:
     nn, ne, ee, tt, nt, et = solved.ends[index].tolist()
     return Pose(
         int(chain.time_ns[-1]), north_m, east_m, turn_rad,
-        float(solved.arrow[1 + 2 * (solved.assembled.unit_first[index] + unit)]),
+        float(solved.arrow[solved.assembled.unit_column(index, unit)]),
         (nn, ne, ee, tt, nt, et),
         (float(heights.node_m[end - 1]), float(heights.node_m2[end - 1])),
         unit, chain.starts[unit].time_ns,

@@ -17,6 +17,7 @@ from command_post.fusion.cloud.cloud import Cloud, Step, advance, moments, spawn
 from command_post.fusion.cloud.model import ANY_HEADING_SD_RAD, Mixture, Tie
 from command_post.fusion.cloud.regions import regions
 from command_post.fusion.team.chain import turn_known
+from command_post.fusion.team.graph import LEAD
 from command_post.fusion.team.log import ResponderLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solving import Solved
@@ -69,6 +70,7 @@ def _ties(solved: Solved, index: int, since_ns: int) -> dict[int, list[Tie]]:
     first, end = assembled.graph.first[index : index + 2].tolist()
     chain, nodes = assembled.chains[index], assembled.nodes[index]
     base = assembled.place_column(0)
+    lead_s = float(solved.arrow[LEAD])
     found: dict[int, list[Tie]] = {}
     for row, (node, column, _) in enumerate(assembled.graph.tie_at.tolist()):
         place = (column - base) // 2
@@ -77,7 +79,9 @@ def _ties(solved: Solved, index: int, since_ns: int) -> dict[int, list[Tie]]:
         time_ns = int(chain.time_ns[nodes[node - first]])
         (nn, ne), (_, ee) = solved.shared[column : column + 2, column : column + 2].tolist()
         if time_ns > since_ns and max(nn, ee) < KNOWN_PLACE_SD_M**2:
-            north_m, east_m, sd_m, dof = assembled.graph.tie[row].tolist()
+            north_m, east_m, sd_m, dof, fast_north, fast_east = assembled.graph.tie[row].tolist()
+            north_m += lead_s * fast_north
+            east_m += lead_s * fast_east
             at = solved.arrow[column : column + 2].tolist()
             tie = Tie(at[0], at[1], (nn, ne, ee), sd_m, dof, (-north_m, -east_m))
             found.setdefault(time_ns, []).append(tie)

@@ -2,9 +2,10 @@
 
 A *chain* is one responder's nodes in the order of time; a node is a pose (north, east, and the
 turn of the agent's frame against the incident's: m, m, rad). The *arrow* is what all chains share:
-the building's axis (rad), then scale error and heading drift (1, rad/s) of every unit, then north
-and east (m) of every place: DAPs, and points where two responders met. A normal matrix ordered so,
-chains first, looks like an arrow: a block-tridiagonal shaft, and a head as wide as the arrow.
+the building's axis (rad), the lead of the radio's peaks (s), then scale error and heading drift
+(1, rad/s) of every unit, then north and east (m) of every place: DAPs, and points where two
+responders met. A normal matrix ordered so, chains first, looks like an arrow: a block-tridiagonal
+shaft, and a head as wide as the arrow.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from shared.compiled import compiled
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
-AXIS = 0
-"""The axis' column of the arrow, and of every chain's own list of columns."""
+AXIS, LEAD = 0, 1
+"""Columns of the arrow, and of every chain's own list of columns."""
+FIRST_UNIT = 2
 
 
 class Graph(NamedTuple):
@@ -34,9 +36,10 @@ class Graph(NamedTuple):
     - ``move`` (m, 5): north, east (m, in the agent's frame), duration (s), standard deviations of
       place (m) and turn (rad), from a node to the next; ``move_at`` (m, 3): that node, the
       arrow's column of its unit's scale, and the local one. Drift is the column after.
-    - ``tie`` (t, 4): north, east from the node (m, agent's frame) to where a place was reached,
-      standard deviation (m), degrees of freedom (0: Gaussian); ``tie_at`` (t, 3): node, the
-      place's column of the arrow, local one.
+    - ``tie`` (t, 6): north, east from the node (m, agent's frame) to where a place was reached,
+      standard deviation (m), degrees of freedom (0: Gaussian), and how fast they then went, north
+      and east (m/s, agent's frame; none where no radio told): by the lead they got further before
+      they were nearest. ``tie_at`` (t, 3): node, the place's column of the arrow, local one.
     - ``fix`` (f, 6): offset as of a tie, north and east (m, incident's frame), standard deviation
       (m), degrees of freedom; ``fix_at`` (f,): node.
     - ``turn`` (h, 2): the agent's frame's turn as it is known, and its standard deviation (rad);
@@ -46,6 +49,7 @@ class Graph(NamedTuple):
     - ``place`` (p, 3): what is known of each place beforehand: north, east, standard deviation (m).
     - ``unit_sd`` (2 U,): what is known of scale and drift (rad/s) of each unit, unit after unit.
     - ``axis`` (2,): what is known of the axis, and its standard deviation (rad).
+    - ``lead_sd_s`` (1,): how far peaks may lead beforehand, either way.
     """
 
     first: Ints
@@ -65,6 +69,7 @@ class Graph(NamedTuple):
     place: Floats
     unit_sd: Floats
     axis: Floats
+    lead_sd_s: Floats
 
 
 PLACE_DOF = 4.0
@@ -92,9 +97,10 @@ def with_columns(
     for chain in range(first.size - 1):
         local[:] = -1
         begin = columns_first[chain]
-        columns[begin] = AXIS
-        local[AXIS] = 0
-        count = 1
+        for column in range(FIRST_UNIT):
+            columns[begin + column] = column
+            local[column] = column
+        count = FIRST_UNIT
         for node in range(first[chain], first[chain + 1]):
             while move < move_at.shape[0] and move_at[move, 0] == node:
                 count = _touch(move_at, move, local, columns, begin, count)

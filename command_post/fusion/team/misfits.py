@@ -10,7 +10,7 @@ import numpy as np
 
 from command_post.fusion.team.arithmetic import carried, logarithm
 from command_post.fusion.team.assembly import PlaceId
-from command_post.fusion.team.graph import PLACE_DOF, TURN_DOF
+from command_post.fusion.team.graph import LEAD, PLACE_DOF, TURN_DOF
 from command_post.fusion.team.solving import Solved
 from shared.units import NS_PER_S
 
@@ -39,12 +39,15 @@ class Pass(NamedTuple):
 def passes_of(solved: Solved) -> list[Pass]:
     """Return all ties of a solution, with their costs, in the graph's order."""
     graph = solved.assembled.graph
+    lead_s = float(solved.arrow[LEAD])
     found = []
     for (node, column, _), row in zip(graph.tie_at.tolist(), graph.tie.tolist(), strict=True):
-        north_m, east_m, sd_m, dof = row
+        north_m, east_m, sd_m, dof, fast_north, fast_east = row
         chain = int(np.searchsorted(graph.first, node, side="right")) - 1
         stance = solved.assembled.nodes[chain][node - int(graph.first[chain])]
-        north, east = carried(solved.pose[node], north_m, east_m)
+        north, east = carried(
+            solved.pose[node], north_m + lead_s * fast_north, east_m + lead_s * fast_east
+        )
         place_n, place_e = solved.arrow[column : column + 2].tolist()
         off2 = ((north - place_n) ** 2 + (east - place_e) ** 2) / sd_m**2
         place = solved.assembled.places[(column - solved.assembled.place_column(0)) // 2]
@@ -162,8 +165,8 @@ def place_at(solved: Solved, index: int, time_ns: int) -> tuple[float, float]:
     chain, nodes = solved.assembled.chains[index], solved.assembled.nodes[index]
     stance, north_m, east_m = chain.nearest(time_ns)
     at = max(int(np.searchsorted(nodes, stance, side="right")) - 1, 0)
-    unit = solved.assembled.unit_first[index] + int(chain.unit[stance])
-    longer = 1.0 + float(solved.arrow[1 + 2 * unit])
+    column = solved.assembled.unit_column(index, int(chain.unit[stance]))
+    longer = 1.0 + float(solved.arrow[column])
     way_n, way_e = (chain.way_m[stance] - chain.way_m[nodes[at]]).tolist()
     north_m, east_m = longer * (north_m + way_n), longer * (east_m + way_e)
     node = int(solved.assembled.graph.first[index]) + at

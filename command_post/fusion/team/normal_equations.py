@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from command_post.fusion.team.arithmetic import logarithm, rotated
-from command_post.fusion.team.graph import PLACE_DOF, TURN_DOF, Graph
+from command_post.fusion.team.graph import FIRST_UNIT, LEAD, PLACE_DOF, TURN_DOF, Graph
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -188,8 +188,11 @@ def _add_ties(graph: Graph, pose: Floats, arrow: Floats, system: System) -> floa
     for row in range(graph.tie.shape[0]):
         a = graph.tie_at[row, 0]
         place = graph.tie_at[row, 1]
-        north, east, sd_m, dof = graph.tie[row]
-        on, oe = rotated(pose[a, 2], north, east)
+        north, east, sd_m, dof, fast_north, fast_east = graph.tie[row]
+        on, oe = rotated(
+            pose[a, 2], north + arrow[LEAD] * fast_north, east + arrow[LEAD] * fast_east
+        )
+        vn, ve = rotated(pose[a, 2], fast_north, fast_east)
         rn = pose[a, 0] + on - arrow[place]
         re = pose[a, 1] + oe - arrow[place + 1]
         weight, penalty = _robust((rn * rn + re * re) / (sd_m * sd_m), dof, 2.0)
@@ -206,6 +209,14 @@ def _add_ties(graph: Graph, pose: Floats, arrow: Floats, system: System) -> floa
         system.arrow[place + 1, place + 1] += k
         system.arrow_right[place] += k * rn
         system.arrow_right[place + 1] += k * re
+        lead = system.wing_at[a] + LEAD
+        system.wing[lead] += k * vn
+        system.wing[lead + width] += k * ve
+        system.wing[lead + 2 * width] += k * (on * ve - oe * vn)
+        system.arrow[LEAD, LEAD] += k * (vn * vn + ve * ve)
+        system.arrow[place, LEAD] -= k * vn
+        system.arrow[place + 1, LEAD] -= k * ve
+        system.arrow_right[LEAD] -= k * (vn * rn + ve * re)
     return cost
 
 
@@ -269,9 +280,13 @@ def _add_priors(graph: Graph, arrow: Floats, system: System) -> float:
     cost = float(k * off_rad * off_rad)
     system.arrow[0, 0] += k
     system.arrow_right[0] -= k * off_rad
+    k = 1.0 / graph.lead_sd_s[0] ** 2
+    cost += float(k * arrow[LEAD] ** 2)
+    system.arrow[LEAD, LEAD] += k
+    system.arrow_right[LEAD] -= k * arrow[LEAD]
     places_from = arrow.size - 2 * graph.place.shape[0]
-    for column in range(1, places_from):
-        k = 1.0 / graph.unit_sd[column - 1] ** 2
+    for column in range(FIRST_UNIT, places_from):
+        k = 1.0 / graph.unit_sd[column - FIRST_UNIT] ** 2
         cost += k * arrow[column] ** 2
         system.arrow[column, column] += k
         system.arrow_right[column] -= k * arrow[column]

@@ -49,7 +49,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     Every ``tick_s`` the whole team is solved; every ``commit_s`` the solution is kept as what the
     next ones start from, after other headings have been tried for each responder and adopted where
     the cost falls by more than ``adopt_gain``; where there are more than ``turned_a_commit``, by
-    turns. Nodes are set every ``node_m`` or ``node_s``.
+    turns. Nodes are set every ``node_m`` or ``node_s``. A radio worn in front is loudest before its
+    wearer is nearest, one worn behind after that: by ``lead_sd_s`` or so, and the whole team alike.
 
     A team of more than ``crew_most`` is solved in crews of at most so many, each in its own time,
     and the more responders there are the more rarely, so that no more than ``solved_a_second`` are
@@ -97,6 +98,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     near_sd_m: Metres = 2.5
     sharpness: Sharpness = Sharpness()
     scale_prior_ties: Annotated[float, Meta(gt=0.0, le=1e6)] = 10.0
+    lead_sd_s: Seconds = 0.5
     contact_gain_db: Annotated[float, Meta(ge=-50.0, le=50.0)] = 5.0
     contact_least_dbm: float = -54.0
     contact_sd_least_m: Metres = 0.6
@@ -105,7 +107,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     axis: bool = True
     axis_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] = 0.0
-    axis_sd_rad: Radians = math.radians(2.0)
+    axis_sd_rad: Radians = math.radians(1.0)
     straight_sd_rad: Radians = math.radians(6.0)
     straight_least_m: Metres = 1.8
     straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985

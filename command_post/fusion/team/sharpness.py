@@ -15,7 +15,7 @@ import numpy as np
 
 from command_post.fusion.team.arithmetic import carried
 from command_post.fusion.team.assembly import Assembled
-from command_post.fusion.team.graph import Floats, Ints
+from command_post.fusion.team.graph import LEAD, Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from shared.compiled import compiled
 
@@ -42,9 +42,11 @@ def _squared(tie: Floats, tie_at: Ints, rows: Ints, pose: Floats, arrow: Floats)
     """Return the squares of how far ties are off, over their variances."""
     off2 = np.zeros(rows.size)
     for k in range(rows.size):
-        north, east, sd_m, _ = tie[rows[k]]
+        north, east, sd_m, _, fast_north, fast_east = tie[rows[k]]
         node, place, _ = tie_at[rows[k]]
-        at_north, at_east = carried(pose[node], north, east)
+        at_north, at_east = carried(
+            pose[node], north + arrow[LEAD] * fast_north, east + arrow[LEAD] * fast_east
+        )
         off_north = at_north - arrow[place]
         off_east = at_east - arrow[place + 1]
         off2[k] = (off_north * off_north + off_east * off_east) / (sd_m * sd_m)

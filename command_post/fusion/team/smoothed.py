@@ -33,7 +33,7 @@ def smoothed_tracks(
         nodes = solved.assembled.nodes[index]
         first = int(graph.first[index])
         own = slice(first, first + len(nodes))
-        scale = arrow[1 + 2 * (solved.assembled.unit_first[index] + chain.unit)]
+        scale = arrow[solved.assembled.unit_column(index) + 2 * chain.unit]
         place_m, share, before, after = _ways(chain, nodes, pose[own], scale)
         spread = (1.0 - share) * covariance[own, :3][before] + share * covariance[own, :3][after]
         off_m = heights.node_m[own] - chain.rise[nodes, 0]

@@ -12,7 +12,15 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from command_post.fusion.team.graph import LARGEST_TURN_RAD, PLACE_DOF, TURN_DOF, Graph
+from command_post.fusion.team.graph import (
+    AXIS,
+    FIRST_UNIT,
+    LARGEST_TURN_RAD,
+    LEAD,
+    PLACE_DOF,
+    TURN_DOF,
+    Graph,
+)
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -59,9 +67,13 @@ def smooth_plainly(graph: Graph, pose: Floats, arrow: Floats, iterations: int) -
 def _factors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
     states = pose.size + arrow.size
     yield from _moves(graph, pose, arrow)
-    for (a, column, _), (north, east, sd_m, dof) in zip(graph.tie_at, graph.tie, strict=True):
+    for (a, column, _), (*at_m, sd_m, dof, fast_n, fast_e) in zip(
+        graph.tie_at, graph.tie, strict=True
+    ):
         derivative = np.zeros((2, states))
-        offset = _point(derivative, pose, a, north, east)
+        fast_m_s = np.array([fast_n, fast_e])
+        offset = _point(derivative, pose, a, *(at_m + arrow[LEAD] * fast_m_s))
+        derivative[:, pose.size + LEAD] = _turned(pose[a, 2], *fast_m_s)
         derivative[[0, 1], [pose.size + column, pose.size + column + 1]] = -1.0
         residual = pose[a, :2] + offset - arrow[column : column + 2]
         yield Factor(residual / sd_m, derivative / sd_m, dof)
@@ -78,9 +90,9 @@ def _factors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
         a = graph.move_at[at, 0]
         derivative = np.zeros((1, states))
         derivative[0, [3 * a + 2, 3 * a + 5]] = 0.5
-        derivative[0, pose.size] = -1.0
+        derivative[0, pose.size + AXIS] = -1.0
         along_rad = 0.5 * (pose[a, 2] + pose[a + 1, 2]) + direction_rad
-        off_rad = math.remainder(along_rad - arrow[0], math.pi / 2)
+        off_rad = math.remainder(along_rad - arrow[AXIS], math.pi / 2)
         yield Factor(np.array([off_rad]) / sd_rad, derivative / sd_rad, 1.0)
     yield from _priors(graph, pose, arrow)
 
@@ -107,9 +119,11 @@ def _moves(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
 
 
 def _priors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
-    units = (arrow.size - 1 - 2 * len(graph.place)) // 2
-    mean = np.concatenate([graph.axis[:1], np.zeros(2 * units), graph.place[:, :2].ravel()])
-    sd = np.concatenate([graph.axis[1:], graph.unit_sd, np.repeat(graph.place[:, 2], 2)])
+    units = (arrow.size - FIRST_UNIT - 2 * len(graph.place)) // 2
+    mean = np.concatenate([graph.axis[:1], np.zeros(1 + 2 * units), graph.place[:, :2].ravel()])
+    sd = np.concatenate(
+        [graph.axis[1:], graph.lead_sd_s, graph.unit_sd, np.repeat(graph.place[:, 2], 2)]
+    )
     derivative = np.hstack([np.zeros((arrow.size, pose.size)), np.diag(1.0 / sd)])
     yield Factor((arrow - mean) / sd, derivative, 0.0)
 

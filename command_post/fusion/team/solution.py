@@ -17,6 +17,7 @@ from command_post.fusion.team.assembly import (
     PlaceId,
 )
 from command_post.fusion.team.chain import Chain
+from command_post.fusion.team.graph import AXIS, LEAD
 from command_post.fusion.team.log import Floats, Ints, TeamLog
 from command_post.fusion.team.suspicions import Suspicion
 from shared.compiled import compiled
@@ -40,15 +41,16 @@ class Held(NamedTuple):
 class Solution(NamedTuple):
     """The team as it was solved at ``time_ns``, at that cost, and what was believed of its axis.
 
-    ``storeys_m`` are the heights (m down) on which it had walked; ``tie_scale`` is that of how far
-    passes lie from their DAPs; ``held`` is what was held against nodes, ``examined`` by how many
-    passes each was last judged.
+    ``storeys_m`` are the heights (m down) on which it had walked; ``lead_s`` is by how much peaks
+    lead, ``tie_scale`` the scale of how far passes lie from their DAPs; ``held`` is what was held
+    against nodes, ``examined`` by how many passes each was last judged.
     """
 
     time_ns: int
     chains: Mapping[str, ChainSolution]
     places: Mapping[PlaceId, tuple[float, float]]
     axis_rad: float
+    lead_s: float
     belief: AxisBelief
     cost: float
     tie_scale: float
@@ -62,7 +64,7 @@ class Solution(NamedTuple):
         return tuple(each.suspicion for each in self.held)
 
 
-NOTHING = Solution(-1, {}, {}, 0.0, NO_AXIS, math.inf, 1.0)
+NOTHING = Solution(-1, {}, {}, 0.0, 0.0, NO_AXIS, math.inf, 1.0)
 
 
 def joined(solutions: Sequence[Solution]) -> Solution:
@@ -80,6 +82,7 @@ def joined(solutions: Sequence[Solution]) -> Solution:
             {**of_all.chains, **each.chains},
             {**of_all.places, **each.places},
             surest.axis_rad,
+            each.lead_s,
             surest.belief._replace(chains=of_all.belief.chains | each.belief.chains),
             each.cost,
             each.tie_scale,
@@ -106,7 +109,8 @@ def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
     """Return poses and arrow to start the graph from: what was solved before, and moves since."""
     pose = np.zeros((int(assembled.graph.first[-1]), 3))
     arrow = np.zeros(assembled.arrow_size)
-    arrow[0] = before.axis_rad
+    arrow[AXIS] = before.axis_rad
+    arrow[LEAD] = before.lead_s
     for index, chain in enumerate(assembled.chains):
         known = before.chains.get(chain.responder_id)
         first = int(assembled.graph.first[index])
@@ -120,7 +124,7 @@ def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
             chain.time_ns, chain.way_m, chain.unit, assembled.nodes[index],
             times, poses, units[:, 0].copy(), begin[0], begin[1],
         )  # fmt: skip
-        column = 1 + 2 * assembled.unit_first[index]
+        column = assembled.unit_column(index)
         arrow[column : column + units.size] = units.ravel()
     for place, place_id in enumerate(assembled.places):
         column = assembled.place_column(place)
@@ -193,7 +197,7 @@ def solution_of(
     chains = {}
     for index, chain in enumerate(assembled.chains):
         first, end = assembled.graph.first[index], assembled.graph.first[index + 1]
-        column = 1 + 2 * assembled.unit_first[index]
+        column = assembled.unit_column(index)
         units = arrow[column : column + 2 * len(chain.starts)].reshape(-1, 2).copy()
         chains[chain.responder_id] = ChainSolution(
             chain.time_ns[assembled.nodes[index]].copy(), pose[first:end].copy(), units
@@ -202,7 +206,9 @@ def solution_of(
     for place, place_id in enumerate(assembled.places):
         column = assembled.place_column(place)
         places[place_id] = (float(arrow[column]), float(arrow[column + 1]))
-    return Solution(time_ns, chains, places, float(arrow[0]), belief, cost, tie_scale)
+    return Solution(
+        time_ns, chains, places, float(arrow[AXIS]), float(arrow[LEAD]), belief, cost, tie_scale
+    )
 
 
 def turned(
