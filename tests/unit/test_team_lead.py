@@ -15,7 +15,7 @@ from tests.stride_world import at_ns, installation, stride, track_start
 from tests.unit.test_team_tracker import peak_at
 
 SETTINGS = TeamSettings(axis=False)
-STRIDES = 40
+STRIDES = 80
 STRIDE_M = 1.2
 EVERY_S = 1.0
 TURNS_BACK = STRIDES // 2
@@ -49,7 +49,7 @@ def out_and_back(
     return solved
 
 
-@pytest.mark.parametrize("early_s", [-0.6, -0.3, 0.0, 0.3, 0.6])
+@pytest.mark.parametrize("early_s", [-0.4, -0.2, 0.0, 0.2, 0.4])
 def test_the_lead_is_found(early_s: float) -> None:
     assert out_and_back(early_s).arrow[LEAD] == pytest.approx(early_s, abs=0.12)
 
