@@ -52,7 +52,7 @@ def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
         place=np.column_stack([chance.normal(0.0, 10.0, (PLACES, 2)), np.full(PLACES, 100.0)]),
         unit_sd=UNIT_SD,
         axis=np.array([0.0, 0.02]),
-        lead_sd_s=np.array([0.5]),
+        lead=np.array([0.1, 0.5]),
     )  # fmt: skip
     pose = chance.normal(0.0, 5.0, (int(first[-1]), 3)) * [1.0, 1.0, 0.1]
     arrow = np.concatenate([

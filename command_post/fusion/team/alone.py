@@ -9,7 +9,7 @@ import numpy as np
 
 from command_post.fusion.team.assembly import UNKNOWN_SD_M, Assembled
 from command_post.fusion.team.elimination import NO_COVARIANCE
-from command_post.fusion.team.graph import Graph, with_columns
+from command_post.fusion.team.graph import AXIS, FIRST_UNIT, LEAD, Graph, with_columns
 from command_post.fusion.team.log import Floats, Ints, TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import Solution
@@ -61,18 +61,21 @@ def alone(found: Solved, index: int, settings: TeamSettings) -> Solved:
     move_at = whole.move_at[first - index : end - 1 - index] - np.array([first, 0, 0])
     move_at[:, 1] -= 2 * assembled.unit_first[index]
     tie_at = whole.tie_at[ties] - np.array([first, 0, 0])
-    tie_at[:, 1] = 1 + 2 * units + 2 * np.searchsorted(passed, (tie_at[:, 1] - base) // 2)
+    tie_at[:, 1] = FIRST_UNIT + 2 * units + 2 * np.searchsorted(passed, (tie_at[:, 1] - base) // 2)
     ends = np.array([0, end - first])
     columns, columns_first, width = with_columns(ends, move_at, tie_at, own_arrow.size)
     unit_sd = whole.unit_sd[2 * assembled.unit_first[index] :][: 2 * units]
-    axis = np.array([found.arrow[0], max(float(found.shared[0, 0]) ** 0.5, 1e-3)])
+    axis, lead = (
+        np.array([found.arrow[each], max(float(found.shared[each, each]) ** 0.5, 1e-3)])
+        for each in (AXIS, LEAD)
+    )
     graph = Graph(
         ends, columns, columns_first, width,
         whole.move[first - index : end - 1 - index], move_at, whole.tie[ties], tie_at,
         whole.fix[fixes], whole.fix_at[fixes] - first, whole.turn[turns],
         whole.turn_at[turns] - first, whole.straight[straights],
         whole.straight_at[straights] - (first - index), _places(found, passed, ties, base),
-        unit_sd, axis,
+        unit_sd, axis, lead,
     )  # fmt: skip
     by = [0 if assembled.installed_by[place] == index else -1 for place in passed.tolist()]
     seen = [assembled.seen_at[place] - first for place in passed.tolist()]
@@ -86,9 +89,9 @@ def alone(found: Solved, index: int, settings: TeamSettings) -> Solved:
 
 def _own_columns(assembled: Assembled, index: int, units: int, passed: Ints) -> Ints:
     """Return the columns of the arrow that a chain touches, by what they are."""
-    unit = 1 + 2 * assembled.unit_first[index] + np.arange(2 * units)
+    unit = assembled.unit_column(index) + np.arange(2 * units)
     place = assembled.place_column(0) + 2 * passed
-    return np.concatenate([[0], unit, np.column_stack([place, place + 1]).ravel()])
+    return np.concatenate([[AXIS, LEAD], unit, np.column_stack([place, place + 1]).ravel()])
 
 
 def _places(found: Solved, passed: Ints, own: slice, base: int) -> Floats:

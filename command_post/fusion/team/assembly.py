@@ -336,7 +336,7 @@ def _build(
         straight, straight_at,
         np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
         unit_sd(chains, settings), np.array([belief.axis_rad, belief.sd_rad]),
-        np.array([settings.lead_sd_s]),
+        np.array([0.0, settings.lead_sd_s]),
     )  # fmt: skip
     seen: dict[PlaceId, int] = {}
     by: dict[PlaceId, int] = {}

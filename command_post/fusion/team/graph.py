@@ -49,7 +49,7 @@ class Graph(NamedTuple):
     - ``place`` (p, 3): what is known of each place beforehand: north, east, standard deviation (m).
     - ``unit_sd`` (2 U,): what is known of scale and drift (rad/s) of each unit, unit after unit.
     - ``axis`` (2,): what is known of the axis, and its standard deviation (rad).
-    - ``lead_sd_s`` (1,): how far peaks may lead beforehand, either way.
+    - ``lead`` (2,): what is known of the lead of peaks, and its standard deviation (s).
     """
 
     first: Ints
@@ -69,7 +69,7 @@ class Graph(NamedTuple):
     place: Floats
     unit_sd: Floats
     axis: Floats
-    lead_sd_s: Floats
+    lead: Floats
 
 
 PLACE_DOF = 4.0

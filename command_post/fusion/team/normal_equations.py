@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from command_post.fusion.team.arithmetic import logarithm, rotated
-from command_post.fusion.team.graph import FIRST_UNIT, LEAD, PLACE_DOF, TURN_DOF, Graph
+from command_post.fusion.team.graph import AXIS, FIRST_UNIT, LEAD, PLACE_DOF, TURN_DOF, Graph
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -258,7 +258,7 @@ def _add_straights(graph: Graph, pose: Floats, arrow: Floats, system: System) ->
         a = graph.move_at[graph.straight_at[row], 0]
         c = a + 1
         direction_rad, sd_rad = graph.straight[row]
-        off_rad = 0.5 * (pose[a, 2] + pose[c, 2]) + direction_rad - arrow[0]
+        off_rad = 0.5 * (pose[a, 2] + pose[c, 2]) + direction_rad - arrow[AXIS]
         off_rad -= HALF_PI * math.floor(off_rad / HALF_PI + 0.5)
         weight, penalty = _robust((off_rad / sd_rad) ** 2, 1.0, 1.0)
         cost += penalty
@@ -268,22 +268,23 @@ def _add_straights(graph: Graph, pose: Floats, arrow: Floats, system: System) ->
             system.right[node, 2] -= 0.5 * k * off_rad
             system.wing[system.wing_at[node] + 2 * graph.width[node]] -= 0.5 * k
         system.link[a, 2, 2] += 0.25 * k
-        system.arrow[0, 0] += k
-        system.arrow_right[0] += k * off_rad
+        system.arrow[AXIS, AXIS] += k
+        system.arrow_right[AXIS] += k * off_rad
     return cost
 
 
 @compiled
 def _add_priors(graph: Graph, arrow: Floats, system: System) -> float:
     k = 1.0 / graph.axis[1] ** 2
-    off_rad = arrow[0] - graph.axis[0]
+    off_rad = arrow[AXIS] - graph.axis[0]
     cost = float(k * off_rad * off_rad)
-    system.arrow[0, 0] += k
-    system.arrow_right[0] -= k * off_rad
-    k = 1.0 / graph.lead_sd_s[0] ** 2
-    cost += float(k * arrow[LEAD] ** 2)
+    system.arrow[AXIS, AXIS] += k
+    system.arrow_right[AXIS] -= k * off_rad
+    k = 1.0 / graph.lead[1] ** 2
+    off_s = arrow[LEAD] - graph.lead[0]
+    cost += float(k * off_s * off_s)
     system.arrow[LEAD, LEAD] += k
-    system.arrow_right[LEAD] -= k * arrow[LEAD]
+    system.arrow_right[LEAD] -= k * off_s
     places_from = arrow.size - 2 * graph.place.shape[0]
     for column in range(FIRST_UNIT, places_from):
         k = 1.0 / graph.unit_sd[column - FIRST_UNIT] ** 2

@@ -120,9 +120,11 @@ def _moves(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
 
 def _priors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
     units = (arrow.size - FIRST_UNIT - 2 * len(graph.place)) // 2
-    mean = np.concatenate([graph.axis[:1], np.zeros(1 + 2 * units), graph.place[:, :2].ravel()])
+    mean = np.concatenate(
+        [graph.axis[:1], graph.lead[:1], np.zeros(2 * units), graph.place[:, :2].ravel()]
+    )
     sd = np.concatenate(
-        [graph.axis[1:], graph.lead_sd_s, graph.unit_sd, np.repeat(graph.place[:, 2], 2)]
+        [graph.axis[1:], graph.lead[1:], graph.unit_sd, np.repeat(graph.place[:, 2], 2)]
     )
     derivative = np.hstack([np.zeros((arrow.size, pose.size)), np.diag(1.0 / sd)])
     yield Factor((arrow - mean) / sd, derivative, 0.0)
