@@ -81,7 +81,7 @@ class HeadingDrift:
 
     def drift_back(self, elapsed_s: float) -> Correction:
         """Return what takes away the drift of ``elapsed_s`` at the rate known by now."""
-        learnt = max(0.0, RATE_SD_RAD_S**2 - self.covariance[RATE, RATE])
+        learnt = max(0.0, RATE_SD_RAD_S**2 - float(self.covariance[RATE, RATE]))
         return Correction(-float(self._mean[RATE]) * elapsed_s, learnt * elapsed_s**2)
 
     def predict(self, elapsed_s: float, turned_rad2: float, walked_m: float) -> None:

@@ -300,6 +300,8 @@ def test_what_corrects_the_heading_is_in_what_is_told() -> None:
     turned_rad = [sum(i.d_heading_rad for i in told) for told in (free, held)]
     assert turned_rad[0] - turned_rad[1] == pytest.approx(corrected_rad, abs=1e-6)
     assert sum(i.covariance[9] for i in held) > sum(i.covariance[9] for i in free)
+    # Who sends it takes plain numbers only.
+    assert {type(each) for i in held for each in (*i.covariance, i.d_heading_rad)} == {float}
 
 
 COUNT_COMPILED = """
