@@ -146,6 +146,15 @@ def test_a_magnetometer_upside_down_on_the_boot_says_the_same() -> None:
     )
 
 
+def test_what_is_told_are_plain_numbers_as_the_wire_takes_them() -> None:
+    walk = SyntheticWalk(strides=12, turn_rad=0.2, field_ut=FIELD_UT)
+    increments = follow(EskfBootMount(), walk.samples(200.0))
+    for told in increments:
+        numbers = (*told.displacement_m, told.d_heading_rad, told.heading_rad, *told.covariance)
+        assert {type(number) for number in numbers} == {float}
+    assert increments
+
+
 def test_heading_is_known_before_the_first_stride() -> None:
     mount = EskfBootMount()
     walk = SyntheticWalk(strides=0, heading_rad=0.7, field_ut=FIELD_UT)
