@@ -116,6 +116,12 @@ def biased(recording: Recording, rate_rad_s: float) -> Recording:
     return replace(recording, rate_rad_s=recording.rate_rad_s + rate_rad_s)
 
 
+def magnetised(recording: Recording, iron_ut: float) -> Recording:
+    """Return what a magnetometer reads that has ``iron_ut`` of iron beside each of its axes."""
+    field_ut = recording.field_ut
+    return replace(recording, field_ut=None if field_ut is None else field_ut + iron_ut)
+
+
 def scaled(recording: Recording, scale: float) -> Recording:
     """Return what an accelerometer reads that shows ``scale`` times the specific force."""
     return replace(recording, force_m_s2=scale * recording.force_m_s2)
@@ -211,8 +217,10 @@ DEGRADATIONS: dict[str, Degradation] = {
     "5 % sent twice": Degradation(partial(repeated, share=0.05)),
     "5 % late by up to 0.1 s": Degradation(partial(delayed, share=0.05, longest_s=0.1)),
     "without barometer": _sure(partial(replace, pressure_pa=None)),
+    "without magnetometer": _sure(partial(replace, field_ut=None)),
+    "magnetometer +20 µT": _sure(partial(magnetised, iron_ut=20.0)),
     "0.05 s lost every 1 s": _sure(partial(interrupted, gap_s=0.05, every_s=1.0)),
     "0.2 s lost every 10 s": _sure(partial(interrupted, gap_s=0.2, every_s=10.0)),
     "0.4 s lost every 10 s": _sure(partial(interrupted, gap_s=0.4, every_s=10.0)),
 }
-"""By the name that tables give it. Gyro bias is on each axis."""
+"""By the name that tables give it. Gyro bias and iron are on each axis."""

@@ -20,6 +20,7 @@ from edge_agent.evaluation.degradation import (
     decimated,
     delayed,
     interrupted,
+    magnetised,
     noisy,
     repeated,
     scaled,
@@ -127,6 +128,12 @@ def test_bias_and_scale_are_what_they_say() -> None:
     read = recording()
     np.testing.assert_allclose(biased(read, 0.1).rate_rad_s - read.rate_rad_s, 0.1)
     np.testing.assert_allclose(scaled(read, 1.01).force_m_s2 / read.force_m_s2, 1.01)
+    field_ut, magnetised_ut = read.field_ut, magnetised(read, 20.0).field_ut
+    assert field_ut is not None
+    assert magnetised_ut is not None
+    np.testing.assert_allclose(magnetised_ut - field_ut, 20.0)
+    without = replace(read, field_ut=None)
+    assert magnetised(without, 20.0).field_ut is None
 
 
 def test_noise_is_as_strong_as_it_says() -> None:
@@ -204,9 +211,12 @@ def test_each_degradation_degrades(name: str) -> None:
         read, force_m_s2=read.force_m_s2 * 30.0, rate_rad_s=read.rate_rad_s * math.radians(600.0)
     )
     worse, _ = DEGRADATIONS[name].apply(hard, None, chance())
+    assert hard.field_ut is not None
     assert not (
         np.array_equal(worse.time_ns, hard.time_ns)
         and np.array_equal(worse.force_m_s2, hard.force_m_s2)
         and np.array_equal(worse.rate_rad_s, hard.rate_rad_s)
+        and worse.field_ut is not None
+        and np.array_equal(worse.field_ut, hard.field_ut)
         and worse.pressure_pa is not None
     )
