@@ -76,7 +76,7 @@ class EskfParameters(NamedTuple):
     # Zero-velocity and zero-rate updates.
     velocity_sd_m_s: float = 0.03
     velocity_sd_per_rate_m: float = 0.2
-    zero_rate_limit: float = 0.004
+    zero_rate_limit: float = 0.003
     zero_rate_time_s: float = 0.2
     zero_rate_sd_rad_s: float = math.radians(0.05)
     sway_share: float = 0.45
@@ -93,7 +93,7 @@ class EskfParameters(NamedTuple):
     initial_tilt_sd_rad: float = math.radians(0.3)
     moving_tilt_sd_rad: float = math.radians(10.0)
     initial_force_bias_sd_m_s2: float = 0.05
-    initial_rate_bias_sd_rad_s: float = 0.004
+    initial_rate_bias_sd_rad_s: float = 0.005
     moving_rate_rad_s: float = 0.5
 
     # What a published increment's covariance says beyond the filter's own.
