@@ -53,6 +53,26 @@ def write_lean(s: StateRecord, o: OutcomeRecord, first: int, last: int) -> None:
 
 
 @compiled
+def placement_variance(
+    start: NDArray[np.float64], end: NDArray[np.float64], turned_rad: float, p: ParametersRecord
+) -> float:
+    """How well a foot's place stands for it, from one stance to the next: m², along each axis.
+
+    A foot is set down on a place that is not a point: the less alike its two attitudes (``start``
+    and ``end``, quat_wxyz) lean, the less alike it is set down. And as it turns, each point of it
+    goes another way.
+    """
+    first, last = np.empty((3, 3)), np.empty((3, 3))
+    rotation_matrix(start, first)
+    rotation_matrix(end, last)
+    alike = first[2, 0] * last[2, 0] + first[2, 1] * last[2, 1] + first[2, 2] * last[2, 2]
+    tilted_rad = min(math.acos(max(-1.0, min(1.0, alike))), p.largest_tilt_rad)
+    tilted_m = p.placement_sd_per_tilt_m * tilted_rad
+    turned_m = p.placement_sd_per_turn_m * 2.0 * math.sin(0.5 * turned_rad)
+    return float(p.placement_sd_m**2 + tilted_m**2 + turned_m**2)
+
+
+@compiled
 def close_stride(
     s: StateRecord,
     o: OutcomeRecord,
@@ -85,10 +105,13 @@ def close_stride(
     for c in range(3):
         o.displacement_m[c] = s.path[anchor & mask, c] - s.anchor_position_m[c]
         s.anchor_position_m[c] = s.path[anchor & mask, c]
+    placed_m2 = placement_variance(s.anchor_quat_wxyz, end, o.heading_change_rad, p)
     s.anchor_quat_wxyz[:] = o.end_quat_wxyz[:] = end
     o.peak_speed_m_s, o.rolling_height_m = peak_speed_m_s, s.rolling_height_m
     o.statistic = s.statistic[anchor & mask]
     write_increment_covariance(s.covariance, o.covariance, p, s.swing_innovation)
+    o.covariance[0, 0] += placed_m2
+    o.covariance[1, 1] += placed_m2
     s.swing_innovation = 0.0
     corrected_m = s.corrected_down_m_s * 1e-9 * (o.end_ns - o.start_ns)
     o.covariance[2, 2] += p.down_placement_sd_m**2 + (p.down_correction_share * corrected_m) ** 2
@@ -116,17 +139,20 @@ def write_increment_covariance(
 ) -> None:
     """Write the increment's 4×4 into ``out``; reset position, clone the heading anew.
 
-    The filter's own covariance is widened by what its velocity was found off by when the swing
-    ended, ``swing_innovation``: the mean square of that over what the filter had expected. So a
-    stride over which a sensor did worse than any noise it is known for is told as less sure. And
-    a foot is set down on a place that is not a point. All was set so that the 95 % ellipse holds
-    95 % of the strides in every gait. Height errs otherwise: most where a boot that slowly rose or
-    sank was taken for standing, which shows in how much of its vertical speed was corrected away
-    (:func:`close_stride` adds that).
+    The filter's own covariance is scaled, and the more the more its velocity was found off when the
+    swing ended: ``swing_innovation`` is the mean square of that over what the filter had expected.
+    So a stride over which a sensor did worse than any noise it is known for is told as less sure.
+    Noise that must be large while a foot swings makes the filter doubt a place more than the two
+    stances that hold it at its ends leave to be doubted; a heading has no such hold. All was set so
+    that, with :func:`placement_variance`, the 95 % ellipse holds 95 % of the strides in every gait.
+    Height errs otherwise: most where a boot that slowly rose or sank was taken for standing, which
+    shows in how much of its vertical speed was corrected away (:func:`close_stride` adds that).
     """
     known = covariance[START_HEADING, START_HEADING]
-    surprise = p.innovation_covariance_factor * min(swing_innovation, p.largest_innovation)
-    factor = p.increment_covariance_factor + surprise
+    surprise = min(swing_innovation, p.largest_innovation)
+    level = math.sqrt(p.level_covariance_factor + p.level_innovation_factor * surprise)
+    heading = math.sqrt(p.heading_covariance_factor + p.heading_innovation_factor * surprise)
+    scale = (level, level, math.sqrt(p.down_covariance_factor), heading)
     for i in range(4):
         a = i if i < 3 else HEADING
         for j in range(4):
@@ -134,13 +160,7 @@ def write_increment_covariance(
             out[i, j] = covariance[a, b]
             if known > 0.0:
                 out[i, j] -= covariance[a, START_HEADING] * covariance[b, START_HEADING] / known
-            out[i, j] *= factor
-        if i < 2:
-            out[i, i] += p.placement_sd_m**2
-    lessened = math.sqrt(p.down_covariance_factor / factor)
-    for i in range(4):
-        out[2, i] *= lessened
-        out[i, 2] *= lessened
+            out[i, j] *= scale[i] * scale[j]
     for i in range(STATES):
         for c in range(3):
             covariance[c, i] = covariance[i, c] = 0.0

@@ -98,10 +98,15 @@ class EskfParameters(NamedTuple):
 
     # What a published increment's covariance says beyond the filter's own.
     swing_s: float = 0.15
-    increment_covariance_factor: float = 1.15
-    innovation_covariance_factor: float = 0.6
+    level_covariance_factor: float = 0.35
+    level_innovation_factor: float = 0.8
+    heading_covariance_factor: float = 1.15
+    heading_innovation_factor: float = 0.6
     largest_innovation: float = 10.0
-    placement_sd_m: float = 0.022
+    placement_sd_m: float = 0.006
+    placement_sd_per_tilt_m: float = 0.55
+    placement_sd_per_turn_m: float = 0.0135
+    largest_tilt_rad: float = 0.5
     down_covariance_factor: float = 0.35
     down_placement_sd_m: float = 0.01
     down_correction_share: float = 0.7

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from edge_agent.inertial.boot_filter import believes_still
 from edge_agent.inertial.boot_state import initial_state
-from edge_agent.inertial.boot_strides import write_increment_covariance
+from edge_agent.inertial.boot_strides import placement_variance, write_increment_covariance
 from edge_agent.inertial.eskf_parameters import EskfParameters, kernel_parameters
 from edge_agent.inertial.sample_ring import RATE, SAMPLE_WIDTH
 from edge_agent.inertial.zero_velocity import DEEP, STRONG
@@ -16,6 +18,7 @@ from edge_agent.inertial.zupt_filter import STATES, add_process_noise
 
 PARAMETERS = EskfParameters()
 KERNEL = kernel_parameters(PARAMETERS, 200.0)[0]
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 RESTING = np.array([[0.0, 0.0, -9.81]])
 
 
@@ -64,13 +67,25 @@ def told(swing_innovation: float) -> NDArray[np.float64]:
 
 def test_a_stride_that_ends_in_a_surprise_is_told_as_less_sure() -> None:
     calm, surprised, astray, further = (told(nis) for nis in (0.0, 4.0, 10.0, 1e9))
-    factor, share = (
-        PARAMETERS.increment_covariance_factor,
-        PARAMETERS.innovation_covariance_factor,
-    )
-    for axis, placed_m2 in ((0, PARAMETERS.placement_sd_m**2), (1, PARAMETERS.placement_sd_m**2)):
-        assert calm[axis, axis] == pytest.approx(factor * 4e-4 + placed_m2)
-        assert surprised[axis, axis] == pytest.approx((factor + 4.0 * share) * 4e-4 + placed_m2)
+    factor, share = PARAMETERS.level_covariance_factor, PARAMETERS.level_innovation_factor
+    for axis in (0, 1):
+        assert calm[axis, axis] == pytest.approx(factor * 4e-4)
+        assert surprised[axis, axis] == pytest.approx((factor + 4.0 * share) * 4e-4)
     assert surprised[3, 3] > calm[3, 3]
     assert surprised[2, 2] == pytest.approx(calm[2, 2])  # height goes by what was corrected of it
     np.testing.assert_allclose(further, astray)
+
+
+def placed_m2(tilted_rad: float, turned_rad: float) -> float:
+    tilted = np.array([math.cos(tilted_rad / 2), math.sin(tilted_rad / 2), 0.0, 0.0])
+    return float(placement_variance(LEVEL, tilted, turned_rad, KERNEL))
+
+
+def test_a_foot_set_down_otherwise_is_told_as_less_sure_of_its_place() -> None:
+    alike_m2 = PARAMETERS.placement_sd_m**2
+    assert placed_m2(0.0, 0.0) == pytest.approx(alike_m2)
+    by_tilt_m, by_turn_m = PARAMETERS.placement_sd_per_tilt_m, PARAMETERS.placement_sd_per_turn_m
+    assert placed_m2(0.2, 0.0) == pytest.approx(alike_m2 + (0.2 * by_tilt_m) ** 2)
+    assert placed_m2(3.0, 0.0) == pytest.approx(placed_m2(PARAMETERS.largest_tilt_rad, 0.0))
+    for turned_rad in (math.pi, -math.pi):
+        assert placed_m2(0.0, turned_rad) == pytest.approx(alike_m2 + (2.0 * by_turn_m) ** 2)
