@@ -6,7 +6,7 @@ from cyclopts import App
 
 from command_post.commands.afterwards import afterwards
 from command_post.commands.live import demo, run
-from command_post.commands.offline import montecarlo, rehearse
+from command_post.commands.offline import montecarlo, plan, rehearse
 from command_post.commands.orders import click, floor
 from command_post.commands.prepare import prepare
 from command_post.commands.proof import proof
@@ -30,6 +30,7 @@ app.command(score_file, name="score")
 app.command(afterwards)
 app.command(rehearse)
 app.command(montecarlo)
+app.command(plan)
 app.command(proof)
 app.command(prepare)
 

@@ -15,7 +15,9 @@ from rich.table import Table
 from command_post.fusion.interface import Afterwards, SmoothedTrack
 from command_post.fusion.track_map import TrackMap, map_of
 from command_post.incident import Incident
+from command_post.plan_file import with_plan
 from command_post.replay import recorded_settings, replay
+from shared.config import ConfigError
 from shared.files import replace_atomically
 from shared.mcap_reader import RecordingError
 from shared.messages import LocalPosition
@@ -43,7 +45,9 @@ class AfterAction(msgspec.Struct, frozen=True, kw_only=True):
     track_map: TrackMap
 
 
-def afterwards(file: Path, *, output: Path | None = None, json: bool = False) -> int:
+def afterwards(
+    file: Path, *, output: Path | None = None, plan: Path | None = None, json: bool = False
+) -> int:
     """Smooth a recording with all that is known by its end; make the map of the ways walked.
 
     Example: command-post afterwards recordings/four_daps.mcap --output after.json
@@ -54,13 +58,15 @@ def afterwards(file: Path, *, output: Path | None = None, json: bool = False) ->
         A recording: .mcap, or the .mcap.part that a killed post leaves.
     output
         Write every way with its covariances, the DAPs and the walked graph into this JSON file.
+    plan
+        The building's walls, in GeoJSON, instead of what was known of them.
     json
         Print the same instead of a table.
 
     """
     try:
-        found = smoothed(file)
-    except RecordingError as error:
+        found = smoothed(file, plan)
+    except (RecordingError, ConfigError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     if found is None or not found.tracks:
@@ -83,9 +89,14 @@ def afterwards(file: Path, *, output: Path | None = None, json: bool = False) ->
     return ExitCode.OK
 
 
-def smoothed(file: Path) -> Afterwards | None:
-    """Return what a recording comes to with all that is in it. Raises ``RecordingError``."""
-    incident = Incident(recorded_settings(file))
+def smoothed(file: Path, plan: Path | None = None) -> Afterwards | None:
+    """Return what a recording comes to with all that is in it, and with a plan, if one is given.
+
+    Raises ``RecordingError``, and ``ConfigError`` for the plan.
+    """
+    settings = recorded_settings(file)
+    fusion = with_plan(settings.fusion, plan)
+    incident = Incident(msgspec.structs.replace(settings, fusion=fusion))
     replay(file, incident)
     return incident.afterwards()
 

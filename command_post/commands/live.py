@@ -23,6 +23,7 @@ from command_post.evaluation.score_card import score
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
+from command_post.plan_file import with_plan
 from command_post.post import Post
 from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
@@ -53,6 +54,7 @@ def run(
     seed: int = 1,
     particles: int = 1000,
     hold_s: Annotated[float, Parameter(name="--hold")] = 1.5,
+    plan: Path | None = None,
     table: bool = False,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
@@ -77,6 +79,8 @@ def run(
         For each responder.
     hold_s
         Seconds that events wait for earlier ones before they are fused.
+    plan
+        The building's walls, in GeoJSON: tracks are held to the way they run where people go so.
     table
         Show the roster on standard output.
     await_start
@@ -90,7 +94,7 @@ def run(
             incident=check_id(incident, "--incident"),
             post_id=check_id(post_id, "--id"),
             time_line=checked(TimeLineSettings(hold_s=hold_s)),
-            fusion=checked(FusionSettings(seed=seed, particles=particles)),
+            fusion=with_plan(checked(FusionSettings(seed=seed, particles=particles)), plan),
         )
         make_ready(settings.fusion)
         with stop_on_signals() as stop, open_zenoh("router", listen=[listen]) as bus:

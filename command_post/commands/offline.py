@@ -17,14 +17,17 @@ from command_post.cluster import ClusterError
 from command_post.distribution_picture import Drawn, draw_monte_carlo
 from command_post.evaluation.pooled import PooledScore, latency, pool
 from command_post.fusion.settings import FusionMethod, FusionSettings
+from command_post.fusion.walls import Wall
 from command_post.incident import IncidentSettings
 from command_post.monte_carlo import Exercise, Run, run_many, run_one
+from command_post.plan_file import geojson_of, with_plan
 from command_post.recording_file import RecorderError
 from command_post.rehearsal import Agents, RehearsalError
 from command_post.rehearsal import rehearse as rehearse_scenario
 from command_post.score_table import pooled_table
 from shared.config import checked
 from shared.exercise import REHEARSAL_INCIDENT
+from shared.files import replace_atomically
 from shared.process import ExitCode
 from shared.simulation.odometry_errors import OdometrySource
 from shared.simulation.scenario import load_scenario
@@ -94,6 +97,7 @@ def montecarlo(
     method: str | None = None,
     odometry: OdometrySource | None = None,
     fusion: FusionMethod = "team",
+    plan: Path | None = None,
     workers: Positive = 2,
     dask: str | None = None,
     picture: Path | None = None,
@@ -120,6 +124,8 @@ def montecarlo(
         as the scenario says if not given.
     fusion
         The whole team smoothed together (team), or a particle filter for each (published).
+    plan
+        The building's walls, in GeoJSON, as ``command-post plan`` writes a scenario's.
     workers
         Processes that share the work.
     dask
@@ -130,9 +136,9 @@ def montecarlo(
         Print the score card as one JSON object.
 
     """
-    settings = FusionSettings(method=fusion, seed=seed, particles=particles)
     agents = Agents(method, raw=False, odometry=odometry)
     try:
+        settings = with_plan(FusionSettings(method=fusion, seed=seed, particles=particles), plan)
         exercises = {Path(name).stem: _exercise(name, settings, agents) for name in scenario}
         done = _run_all(exercises, runs, seed, workers, dask)
         if picture is not None:
@@ -142,6 +148,33 @@ def montecarlo(
         _log.error(str(error))
         return ExitCode.USAGE if isinstance(error, ValueError) else ExitCode.FAILURE
     _show(_card(done), json=json)
+    return ExitCode.OK
+
+
+def plan(scenario: str, *, output: Path) -> int:
+    """Write the walls of a scenario's building as GeoJSON, in the incident's frame.
+
+    Example: command-post plan offices --output offices.geojson
+
+    Parameters
+    ----------
+    scenario
+        A packaged scenario's name, or a TOML file.
+    output
+        Where the plan goes.
+
+    """
+    try:
+        pieces_m = load_scenario(scenario).building.wall_pieces_m.tolist()
+        walls = tuple(
+            Wall(from_north_m, from_east_m, to_north_m, to_east_m)
+            for (from_north_m, from_east_m), (to_north_m, to_east_m) in pieces_m
+        )
+        with replace_atomically(output) as file:
+            file.write(geojson_of(walls))
+    except (ValueError, OSError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
     return ExitCode.OK
 
 

@@ -15,6 +15,7 @@ from command_post.evidence import Evidence
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.incident import Incident, IncidentSettings
 from command_post.picture import draw_tracks
+from command_post.plan_file import with_plan
 from command_post.replay import Sides, recorded_settings
 from command_post.replay import replay as replay_recording
 from command_post.score_table import score_table
@@ -32,6 +33,7 @@ def replay(
     *,
     fusion: FusionMethod | None = None,
     settings: Path | None = None,
+    plan: Path | None = None,
     json: bool = False,
 ) -> int:
     """Handle a recording once more, and compare what comes of it with what came of it then.
@@ -48,13 +50,15 @@ def replay(
         Fuse by this method instead: team or published.
     settings
         Fuse with the settings in this TOML file instead of the recorded ones.
+    plan
+        The building's walls, in GeoJSON, instead of what was known of them.
     json
         Print the report as one JSON object.
 
     """
     sides = Sides(Evidence(), Evidence())
     try:
-        told_settings = _other_settings(recorded_settings(file), fusion, settings)
+        told_settings = _other_settings(recorded_settings(file), fusion, settings, plan)
         report = replay_recording(file, Incident(told_settings), sides)
     except (RecordingError, ConfigError) as error:
         _log.error(str(error))
@@ -85,12 +89,12 @@ def replay(
 
 
 def _other_settings(
-    recorded: IncidentSettings, method: FusionMethod | None, file: Path | None
+    recorded: IncidentSettings, method: FusionMethod | None, file: Path | None, plan: Path | None
 ) -> IncidentSettings:
     fusion = recorded.fusion if file is None else load_toml(file, FusionSettings)
     if method is not None:
         fusion = msgspec.structs.replace(fusion, method=method)
-    return msgspec.structs.replace(recorded, fusion=fusion)
+    return msgspec.structs.replace(recorded, fusion=with_plan(fusion, plan))
 
 
 def score_file(

@@ -19,7 +19,12 @@ SD_RAD = math.radians(6.0)
 SQUARE = [(0.0, 0.0), (12.0, 0.0), (12.0, 12.0), (0.0, 12.0), (0.0, 0.0), (12.0, 0.0)]
 
 
-def walked(heading_sd_rad: float, askew_rad: float, corners: list[tuple[float, float]]) -> Solved:
+def walked(
+    heading_sd_rad: float,
+    askew_rad: float,
+    corners: list[tuple[float, float]],
+    planned_rad: float | None = None,
+) -> Solved:
     """Return the commit at the end of one responder's way past corners, turned by ``askew_rad``."""
     log = TeamLog()
     log.add_start("r1", track_start(0.0, heading_sd_rad=heading_sd_rad))
@@ -30,7 +35,7 @@ def walked(heading_sd_rad: float, askew_rad: float, corners: list[tuple[float, f
             number += 1
             step = 1.2 * leg / abs(leg)
             log.add_move("r1", stride(2.0 + number, step.real, step.imag, sequence=number))
-    found = commit(log, at_ns(3.0 + number), NOTHING, TeamSettings())
+    found = commit(log, at_ns(3.0 + number), NOTHING, TeamSettings(planned_axis_rad=planned_rad))
     assert found is not None
     return found
 
@@ -72,3 +77,15 @@ def test_a_round_way_shows_no_axis() -> None:
 
 def test_a_few_moves_show_no_axis() -> None:
     assert walked(math.radians(2.0), 0.0, SQUARE[:2]).belief.mode == "none"
+
+
+def test_a_plan_is_believed_where_headings_come_near_it() -> None:
+    found = walked(math.radians(5.0), math.radians(40.0), SQUARE, math.radians(42.0))
+    assert (found.belief.mode, found.belief.axis_rad) == ("given", math.radians(42.0))
+    assert found.pose[-1, 2] == pytest.approx(math.radians(2.0), abs=math.radians(1.5))
+
+
+def test_a_plan_of_another_house_is_not() -> None:
+    found = walked(math.radians(5.0), math.radians(40.0), SQUARE, math.radians(20.0))
+    assert found.belief.mode == "free"
+    assert np.abs(found.pose[:, 2]).max() < math.radians(4.0)

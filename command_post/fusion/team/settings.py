@@ -59,7 +59,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     A building's axis is believed in where ``axis_least_moves`` are straight and a share of
     ``axis_least_share`` of them lies along one; that it is ``axis_rad``, where headings alone tell
-    it to ``axis_seen_sd_rad``.
+    it to ``axis_seen_sd_rad``. That it is a plan's, ``planned_axis_rad``, is believed in as well
+    where headings come as near to it as ``planned_axis_most_off`` standard deviations.
     """
 
     tick_s: Seconds = 2.0
@@ -114,6 +115,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     axis_least_moves: Annotated[int, Meta(ge=1, le=1000)] = 4
     axis_least_share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.65
     axis_seen_sd_rad: Radians = math.radians(22.0)
+    planned_axis_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] | None = None
+    planned_axis_most_off: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.3
     axis_from_turn_sd_rad: Radians = math.radians(40.0)
 
     front_particles: Annotated[int, Meta(ge=64, le=100_000)] = 1024

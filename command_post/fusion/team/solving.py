@@ -148,7 +148,7 @@ def _with_axis(before: Solution, found: Solved, settings: TeamSettings) -> Solve
 
     def cost(tried: Solved) -> float:
         # Hysteresis: the belief held so far has the better of a tie.
-        stays = settings.adopt_gain if tried.belief.mode == before.belief.mode else 0.0
+        stays = settings.adopt_gain if _is_like(tried.belief, before.belief) else 0.0
         return _belief_cost(tried, settings) - stays
 
     unheld = under(NO_AXIS)
@@ -161,7 +161,31 @@ def _with_axis(before: Solution, found: Solved, settings: TeamSettings) -> Solve
     if free.shared[AXIS, AXIS] < settings.axis_seen_sd_rad**2:
         given = AxisBelief("given", settings.axis_rad, settings.axis_sd_rad, held)
         trials.insert(0, under(given))
+        if _may_be_planned(free, before.belief, settings):
+            planned_rad = settings.planned_axis_rad or 0.0
+            trials.insert(0, under(given._replace(axis_rad=planned_rad)))
     return min(trials, key=cost)
+
+
+def _is_like(one: AxisBelief, other: AxisBelief) -> bool:
+    """Whether two beliefs are of the same axis, if of any."""
+    return one.mode == other.mode and (one.mode != "given" or one.axis_rad == other.axis_rad)
+
+
+def _may_be_planned(free: Solved, held: AxisBelief, settings: TeamSettings) -> bool:
+    """Whether the plan's axis is as near as it must be to where it was found when it was free.
+
+    Once it is believed in, ``held``, it may be twice as far.
+    """
+    if settings.planned_axis_rad is None:
+        return False
+    most_off = settings.planned_axis_most_off
+    if held.mode == "given" and held.axis_rad == settings.planned_axis_rad:
+        most_off *= 2.0
+    off_rad = float(free.arrow[AXIS]) - settings.planned_axis_rad
+    off_rad -= HALF_PI * round(off_rad / HALF_PI)
+    found_rad2 = float(free.shared[AXIS, AXIS]) + settings.axis_sd_rad**2
+    return off_rad**2 < most_off**2 * found_rad2
 
 
 def _go_along_one(several_rad: list[Floats], settings: TeamSettings) -> bool:
