@@ -321,6 +321,7 @@ def _build(
     turns = [
         (
             node_of[index][chain.begin_of(unit)],
+            start.turn_rad,
             start.heading_sd_rad if turn_known(start) else UNKNOWN_TURN_SD_RAD,
         )
         for index, chain in enumerate(chains)
@@ -331,8 +332,8 @@ def _build(
         _tie_rows(chains, ties), tie_at,
         np.array([fix.row for fix in fixes]).reshape(-1, 6),
         np.array([node_of[fix.chain][fix.stance] for fix in fixes], np.int64),
-        np.array([(0.0, max(sd_rad, 1e-3)) for _, sd_rad in turns]).reshape(-1, 2),
-        np.array([node for node, _ in turns], np.int64),
+        np.array([(turn_rad, max(sd_rad, 1e-3)) for _, turn_rad, sd_rad in turns]).reshape(-1, 2),
+        np.array([node for node, _, _ in turns], np.int64),
         straight, straight_at,
         np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
         unit_sd(chains, settings), np.array([belief.axis_rad, belief.sd_rad]),

@@ -44,16 +44,18 @@ def likely_axis(directions_rad: Floats, sd_rad: float) -> float:
     best_rad, best = 0.0, math.inf
     for step in range(AXIS_GRID if directions_rad.size else 0):
         axis_rad = HALF_PI * step / AXIS_GRID
-        cost = _cauchy_cost(_off_rad(directions_rad, axis_rad) / sd_rad)
+        cost = _cauchy_cost(directions_rad, axis_rad, sd_rad)
         if cost < best:
             best_rad, best = axis_rad, cost
     return best_rad
 
 
 @compiled
-def _cauchy_cost(deviations: Floats) -> float:
+def _cauchy_cost(directions_rad: Floats, axis_rad: float, sd_rad: float) -> float:
     cost = 0.0
-    for off in deviations:
+    for direction_rad in directions_rad:
+        off_rad = direction_rad - axis_rad
+        off = (off_rad - HALF_PI * np.round(off_rad / HALF_PI)) / sd_rad
         cost += logarithm(1.0 + off * off)
     return cost
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.team.alone import commit_of_crowd
+from command_post.fusion.team.anchors import anchors_of, cut
 from command_post.fusion.team.crews import (
     Bonds,
     Crew,
@@ -26,6 +27,7 @@ from command_post.fusion.team.crews import (
 from command_post.fusion.team.dap_places import places_of
 from command_post.fusion.team.doubts import examine
 from command_post.fusion.team.height_assembly import Heights, solve_heights, walked_storeys
+from command_post.fusion.team.heights import with_known
 from command_post.fusion.team.log import Installed, TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import Solution, concerning, joined
@@ -216,9 +218,19 @@ class Commits:
         self, crew: Crew, time_ns: int, daps: Mapping[str, InstalledDap]
     ) -> dict[str, InstalledDap]:
         """Return those DAPs that a crew has to tell of: its own, the first crew nobody's too."""
+        if crew.is_everybody:
+            return dict(daps)
         crews = self.crews(self.number_at(time_ns))
         first = crews.crews[0].leader
-        return {d: dap for d, dap in daps.items() if crews.owner.get(d, first) == crew.leader}
+        return {
+            dap_id: dap._replace(installer_id=self._installer_of(dap_id, dap.installed_ns))
+            for dap_id, dap in daps.items()
+            if crews.owner.get(dap_id, first) == crew.leader
+        }
+
+    def _installer_of(self, dap_id: str, installed_ns: int) -> str | None:
+        installs = self._log.daps[dap_id]
+        return next((each.installer_id for each in installs if each.time_ns == installed_ns), None)
 
     def fresh(self, crew: Crew, time_ns: int) -> Fresh | None:
         """Return what a crew's commit at ``time_ns`` was made of, if that was the last one made."""
@@ -261,10 +273,12 @@ class Commits:
         log = self._crew_log(number, crew, time_ns, told)
         before = joined([each.solution for each in previous])
         begin = concerning(before, log)
-        done = _commit(crew, log, time_ns, begin, self._settings)
+        done = _commit(crew, cut(log, begin.anchors), time_ns, begin, self._settings)
         self._fresh = None if done is None else done[1]
         if done is not None:
             solution, fresh = done
+            if not crew.is_everybody:
+                solution = self._anchored(number, solution, fresh, begin)
             own = {d for d in log.daps if self.crews(number).owner.get(d) == crew.leader}
             places = places_of(fresh.solved, fresh.heights, own)
         elif previous:
@@ -276,6 +290,21 @@ class Commits:
             return
         period.commits[crew.leader] = Commit(next(self._serials), crew, solution, places, made_of)
 
+    def _anchored(
+        self, number: int, solution: Solution, fresh: Fresh, before: Solution
+    ) -> Solution:
+        """Return a crew's solution with what later ones begin from: renewed now and then.
+
+        What was anchored last time is begun from now, so that a crew is always solved from as far
+        back as a whole time between, at least.
+        """
+        anchors = before.next_anchors
+        solution = solution._replace(anchors=before.anchors, next_anchors=anchors)
+        if number % max(round(self._settings.anchor_s / self._settings.commit_s), 1):
+            return solution
+        renewed = anchors_of(fresh.log, fresh.solved, fresh.heights, solution, self._settings)
+        return solution._replace(anchors=anchors, next_anchors=renewed)
+
 
 def _commit(
     crew: Crew, log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings
@@ -285,13 +314,17 @@ def _commit(
     solved = solve(supposed(log, before.suspicions), time_ns, before, settings)
     if solved is None or not solved.is_sound:
         return None
-    solved, held, examined = examine(log, time_ns, solved, before, settings)
+    solved, held, examined = examine(
+        log, time_ns, solved, before, settings, of_crowd=not crew.is_everybody
+    )
     solution = solved.solution(time_ns, solved.tie_scale(settings))._replace(
         held=held, examined=examined, storeys_m=before.storeys_m
     )
     log = supposed(log, solution.suspicions)
     heights = solve_heights(log, solved.assembled, time_ns, settings)
     if heights.is_sound:
-        levels_m = tuple(walked_storeys(solved.assembled, heights).tolist())
-        solution = solution._replace(storeys_m=levels_m)
+        levels_m = walked_storeys(solved.assembled, heights).tolist()
+        if not crew.is_everybody:
+            levels_m = with_known(levels_m, before.storeys_m)
+        solution = solution._replace(storeys_m=tuple(levels_m))
     return solution, Fresh(time_ns, log, solved, heights)

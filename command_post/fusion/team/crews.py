@@ -8,7 +8,7 @@ share, the one that began later takes as the other told it.
 
 from __future__ import annotations
 
-import zlib
+import hashlib
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
@@ -183,7 +183,8 @@ def _shared(
 
 def _phase_ns(leader: str, settings: TeamSettings) -> int:
     """Return when a crew is solved within each period: spread evenly by a hash of its name."""
-    return zlib.crc32(leader.encode()) * round(settings.commit_s * NS_PER_S) // HASHES
+    digest = hashlib.blake2b(leader.encode(), digest_size=4).digest()
+    return int.from_bytes(digest) * round(settings.commit_s * NS_PER_S) // HASHES
 
 
 class _Union:

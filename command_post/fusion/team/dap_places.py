@@ -23,7 +23,7 @@ def daps_of(log: TeamLog, solved: Solved, heights: Heights) -> dict[str, Install
     for dap_id, (installed_ns, place) in newest.items():
         installed = next(each for each in log.daps[dap_id] if each.time_ns == installed_ns)
         found[dap_id] = InstalledDap(
-            _position(solved, heights, place),
+            position_of(solved, heights, place),
             installed_ns if installed.said_ns is None else installed.said_ns,
             installed.installer_id,
         )
@@ -38,7 +38,7 @@ def places_of(
     for place, place_id in enumerate(solved.assembled.places):
         if place_id[0] == "dap" and place_id[1] in owned:
             dap_id, installed_ns = place_id[1], int(place_id[2])
-            stood = Installed(installed_ns, None, _position(solved, heights, place))
+            stood = Installed(installed_ns, None, position_of(solved, heights, place))
             found[dap_id] = (*found.get(dap_id, ()), stood)
     return {dap_id: tuple(sorted(stood, key=_since)) for dap_id, stood in found.items()}
 
@@ -47,7 +47,8 @@ def _since(installed: Installed) -> int:
     return installed.time_ns
 
 
-def _position(solved: Solved, heights: Heights, place: int) -> LocalPosition:
+def position_of(solved: Solved, heights: Heights, place: int) -> LocalPosition:
+    """Return where a place is in a solution, and how surely."""
     column = solved.assembled.place_column(place)
     north_m, east_m = solved.arrow[column : column + 2].tolist()
     (nn, ne), (_, ee) = solved.shared[column : column + 2, column : column + 2].tolist()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import NamedTuple
 
 from command_post.fusion.interface import Doubt
@@ -33,6 +34,7 @@ from command_post.fusion.team.solution import NOTHING, Held, Solution, begin_fro
 from command_post.fusion.team.solving import Solved, solve, solved_from
 from command_post.fusion.team.suspicions import Suspicion, SuspicionKind, supposed
 from shared.topics import Role
+from shared.units import NS_PER_S
 
 PRICE: Mapping[SuspicionKind, float] = {
     "moved": 26.0,
@@ -49,6 +51,9 @@ KEPT_SHARE = 0.5
 BETTER_BY = 6.0
 LEAST_MISFIT = 6.0
 MOST_SUSPECTS = 2
+MOST_TRIED_OF_CROWD = 6
+"""Of a crew of a large team one node is suspected at a commit, of no more things than this."""
+
 LEAST_PASSES = 3
 TIMES_THE_REST = 3.0
 ASTRAY_AREA_M2 = 1500.0
@@ -68,12 +73,24 @@ class Verdict(NamedTuple):
 
 
 class _Case(NamedTuple):
-    """What is judged: all solutions of it with passes as sharp, so that costs compare."""
+    """What is judged: all solutions of it with passes as sharp, so that costs compare.
+
+    ``of_crowd`` is a crew of a large team, for which little time is left.
+    """
 
     log: TeamLog
     time_ns: int
     tie_scale: float
     settings: TeamSettings
+    of_crowd: bool
+
+    @property
+    def suspects(self) -> dict[Role, int]:
+        """How many nodes may be suspected now, by role: of a crowd one, the roles by turns."""
+        if not self.of_crowd:
+            return {"dap": MOST_SUSPECTS, "responder": MOST_SUSPECTS}
+        number = self.time_ns // round(self.settings.commit_s * NS_PER_S)
+        return {"dap": 1} if number % 2 else {"responder": 1}
 
 
 class _Node(NamedTuple):
@@ -90,15 +107,17 @@ class _Node(NamedTuple):
 
 
 def examine(
-    log: TeamLog, time_ns: int, solved: Solved, before: Solution, settings: TeamSettings
-) -> Verdict:
+    log: TeamLog, time_ns: int, solved: Solved, before: Solution, settings: TeamSettings,
+    *, of_crowd: bool = False,
+) -> Verdict:  # fmt: skip
     """Return ``solved``, or the team solved anew with suspicions that explain it better.
 
-    ``solved`` is of ``log`` with what ``before`` held; ``log`` is as it was heard.
+    ``solved`` is of ``log`` with what ``before`` held; ``log`` is as it was heard. Of a crew of a
+    large team, ``of_crowd``, less is tried at once.
     """
     if not settings.doubts:
         return Verdict(solved, (), {})
-    case = _Case(log, time_ns, before.tie_scale, settings)
+    case = _Case(log, time_ns, before.tie_scale, settings, of_crowd)
     verdict = Verdict(solved, before.held, dict(before.examined))
     for held in before.held:
         verdict = _reviewed(case, verdict, held)
@@ -172,9 +191,9 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     kept = tuple(each.suspicion for each in verdict.held)
     examined = dict(verdict.examined)
     best: tuple[Solved, Held] | None = None
-    for role in ("dap", "responder"):
+    for role, most in case.suspects.items():
         of_role = [node for node in nodes if node.role == role]
-        for node in sorted(of_role, key=lambda each: (-each.misfit, each.node_id))[:MOST_SUSPECTS]:
+        for node in sorted(of_role, key=lambda each: (-each.misfit, each.node_id))[:most]:
             if examined.get(node.name) == len(node.passes):
                 continue
             examined[node.name] = len(node.passes)
@@ -224,7 +243,8 @@ def _best(
     case: _Case, solved: Solved, node: _Node, others: list[_Node], kept: tuple[Suspicion, ...]
 ) -> tuple[Solved, Held] | None:
     best: tuple[Solved, Held] | None = None
-    for suspicion in _against(solved, node, others):
+    most = MOST_TRIED_OF_CROWD if case.of_crowd else None
+    for suspicion in islice(_against(solved, node, others), most):
         tried = _solved_with(case, solved, kept, suspicion)
         if tried is None:
             continue

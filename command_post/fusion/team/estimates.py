@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 from command_post.fusion.team.arithmetic import rotated
-from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.height_assembly import Heights
 from command_post.fusion.team.heights import storey_shares
 from command_post.fusion.team.log import (
@@ -53,7 +52,7 @@ class Pose(NamedTuple):
 def pose_of(solved: Solved, heights: Heights, index: int) -> Pose:
     """Return the last pose of the chain at ``index``."""
     chain = solved.assembled.chains[index]
-    first, end = solved.assembled.graph.first[index : index + 2].tolist()
+    end = int(solved.assembled.graph.first[index + 1])
     unit = int(chain.unit[-1])
     north_m, east_m, turn_rad = solved.pose[end - 1].tolist()
     nn, ne, ee, tt, nt, et = solved.ends[index].tolist()
@@ -63,15 +62,19 @@ def pose_of(solved: Solved, heights: Heights, index: int) -> Pose:
         (nn, ne, ee, tt, nt, et),
         (float(heights.node_m[end - 1]), float(heights.node_m2[end - 1])),
         unit, chain.starts[unit].time_ns,
-        _tied_ns(solved, chain, index, first, end),
+        tied_ns(solved, index),
     )  # fmt: skip
 
 
-def _tied_ns(solved: Solved, chain: Chain, index: int, first: int, end: int) -> int:
-    graph = solved.assembled.graph
+def tied_ns(solved: Solved, index: int) -> int:
+    """Return when the chain at ``index`` was last tied to a place."""
+    graph, chain = solved.assembled.graph, solved.assembled.chains[index]
+    first, end = graph.first[index : index + 2].tolist()
     tied = [graph.tie_at[:, 0], graph.fix_at]
-    nodes = [int(at[(at >= first) & (at < end)].max(initial=first)) for at in tied]
-    return int(chain.time_ns[solved.assembled.nodes[index][max(nodes) - first]])
+    node = max(int(at[(at >= first) & (at < end)].max(initial=first)) for at in tied)
+    if node == first and chain.starts[0].tied_ns is not None:
+        return chain.starts[0].tied_ns
+    return int(chain.time_ns[solved.assembled.nodes[index][node - first]])
 
 
 def first_pose(log: ResponderLog, settings: TeamSettings) -> Pose:

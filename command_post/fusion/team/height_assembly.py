@@ -99,7 +99,8 @@ def _fixes(
         if start.position is not None or unit == 0:
             down_m = 0.0 if start.position is None else start.position.down_m
             node = first + int(np.searchsorted(nodes, chain.begin_of(unit)))
-            fixes.append(((down_m, settings.start_height_sd_m), node))
+            sd_m = settings.start_height_sd_m if start.down_sd_m is None else start.down_sd_m
+            fixes.append(((down_m, sd_m), node))
     for height in log.responders[chain.responder_id].heights:
         if height.time_ns <= until_ns:
             stance = chain.nearest(height.time_ns)[0]

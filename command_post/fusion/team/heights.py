@@ -8,6 +8,7 @@ solved at once, DAPs' with them, by the same elimination as in the plane, on sca
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
@@ -234,6 +235,15 @@ def storeys(down_m: Floats, walked_m: Floats) -> Floats:
             found.append(level_m)
         left = {e: w for e, w in left.items() if abs(e - best) > REACH}
     return np.array(sorted(found))
+
+
+def with_known(levels_m: Sequence[float], known_m: Sequence[float]) -> list[float]:
+    """Return storeys (ascending) together with those known before that none of them is."""
+    others = [
+        known for known in known_m
+        if all(abs(known - level_m) >= STOREY_AT_LEAST_M for level_m in levels_m)
+    ]  # fmt: skip
+    return sorted([*levels_m, *others])
 
 
 def storey_shares(down_m: float, sd_m: float, levels_m: Floats) -> list[tuple[float, float]]:

@@ -38,7 +38,8 @@ NORTH, EAST, DOWN, HEADING, PLACE_M2, TURN_RAD2, DOWN_M2 = range(7)
 class Start(NamedTuple):
     """A unit begins: when, where if it says so, and how well its frame is turned (rad).
 
-    ``is_loose`` doubts its scale.
+    ``is_loose`` doubts its scale. A way that is taken up where it was held to be by then is turned
+    by ``turn_rad``, its height known to ``down_sd_m``, and was last tied down at ``tied_ns``.
     """
 
     time_ns: int
@@ -46,6 +47,9 @@ class Start(NamedTuple):
     heading_sd_rad: float
     position: LocalPosition | None
     is_loose: bool = False
+    turn_rad: float = 0.0
+    down_sd_m: float | None = None
+    tied_ns: int | None = None
 
 
 class Peak(NamedTuple):
@@ -154,6 +158,16 @@ class MoveLog:
     def messages_after(self, time_ns: int) -> list[OdometryIncrement]:
         """Return the moves that ended after ``time_ns`` as they were told."""
         return self._messages[self.until(time_ns).end_ns.size :]
+
+    def later_than(self, time_ns: int) -> MoveLog:
+        """Return the log of the moves that ended after ``time_ns``, to be read only."""
+        first = self.until(time_ns).end_ns.size
+        later = MoveLog()
+        later._times = self._times[first : self._count]
+        later._values = self._values[first : self._count]
+        later._messages = self._messages[first:]
+        later._count = self._count - first
+        return later
 
     def after(self, time_ns: int) -> Moves:
         """Return the moves that ended after ``time_ns``."""

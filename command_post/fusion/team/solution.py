@@ -18,7 +18,7 @@ from command_post.fusion.team.assembly import (
 )
 from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.graph import AXIS, LEAD
-from command_post.fusion.team.log import Floats, Ints, TeamLog
+from command_post.fusion.team.log import Floats, Installed, Ints, Start, TeamLog
 from command_post.fusion.team.suspicions import Suspicion
 from shared.compiled import compiled
 
@@ -38,12 +38,36 @@ class Held(NamedTuple):
     gain: float
 
 
+class Stood(NamedTuple):
+    """Where a DAP stood since when, by what had been heard until then."""
+
+    until_ns: int
+    installed: tuple[Installed, ...]
+
+
+class Anchors(NamedTuple):
+    """Where responders and DAPs were held to be, for what comes later to begin from.
+
+    ``starts`` are as if they began there, ``until_ns`` is until when they had been heard, by
+    responder; ``past`` the ways until there, piece by piece.
+    """
+
+    until_ns: Mapping[str, int]
+    starts: Mapping[str, Start]
+    stood: Mapping[str, Stood]
+    past: Mapping[str, tuple[ChainSolution, ...]]
+
+
+NO_ANCHORS = Anchors({}, {}, {}, {})
+
+
 class Solution(NamedTuple):
     """The team as it was solved at ``time_ns``, at that cost, and what was believed of its axis.
 
     ``storeys_m`` are the heights (m down) on which it had walked; ``lead_s`` is by how much peaks
     lead, ``tie_scale`` the scale of how far passes lie from their DAPs; ``held`` is what was held
-    against nodes, ``examined`` by how many passes each was last judged.
+    against nodes, ``examined`` by how many passes each was last judged. A crew of many begins from
+    ``anchors``, and later on from the next.
     """
 
     time_ns: int
@@ -57,6 +81,8 @@ class Solution(NamedTuple):
     storeys_m: tuple[float, ...] = ()
     held: tuple[Held, ...] = ()
     examined: Mapping[str, int] = MappingProxyType({})
+    anchors: Anchors = NO_ANCHORS
+    next_anchors: Anchors = NO_ANCHORS
 
     @property
     def suspicions(self) -> tuple[Suspicion, ...]:
@@ -89,8 +115,19 @@ def joined(solutions: Sequence[Solution]) -> Solution:
             each.storeys_m or of_all.storeys_m,
             (*each.held, *of_all.held),
             {**of_all.examined, **each.examined},
+            _both(of_all.anchors, each.anchors),
+            _both(of_all.next_anchors, each.next_anchors),
         )
     return of_all
+
+
+def _both(one: Anchors, other: Anchors) -> Anchors:
+    return Anchors(
+        {**one.until_ns, **other.until_ns},
+        {**one.starts, **other.starts},
+        {**one.stood, **other.stood},
+        {**one.past, **other.past},
+    )
 
 
 def concerning(before: Solution, log: TeamLog) -> Solution:

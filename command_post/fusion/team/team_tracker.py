@@ -18,6 +18,7 @@ from command_post.fusion.cloud.cloud import Cloud
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack
 from command_post.fusion.team.agenda import Agenda
+from command_post.fusion.team.anchors import cut, with_past
 from command_post.fusion.team.commits import Commits, Fresh
 from command_post.fusion.team.crews import EVERYBODY, Bonds, Crew
 from command_post.fusion.team.dap_places import daps_of
@@ -190,7 +191,7 @@ class TeamTracker:
         daps: dict[str, InstalledDap] = {}
         for crew in self._commits.crews(self._commits.number_at(latest)).crews:
             heard = self._commits.log_of(crew, latest)
-            before = concerning(self._commits.before(crew, latest), heard)
+            before = with_past(concerning(self._commits.before(crew, latest), heard))
             log = supposed(heard, before.suspicions)
             solved = commit(log, latest, before, self._settings)
             if solved is None or not solved.is_sound:
@@ -300,7 +301,7 @@ class TeamTracker:
     def _solved(self, crew: Crew, due_ns: int, before: Solution) -> Fresh | None:
         heard = self._commits.log_of(crew, due_ns)
         before = concerning(before, heard)
-        log = supposed(heard, before.suspicions)
+        log = supposed(cut(heard, before.anchors), before.suspicions)
         settings = self._settings
         solved = solve(log, due_ns, before, before.belief, settings, settings.tick_iterations)
         if solved is None or not solved.is_sound:
