@@ -42,7 +42,7 @@ from shared.messages import (
 from shared.topics import TOPICS, Key, Role, check_id
 from shared.units import NS_PER_S
 
-MOST_NODES = 1024
+MOST_NODES = 4096
 MOST_KEYS_KNOWN = 16_384
 MOST_REFUSAL_KINDS = 4096
 MOST_DETAIL = 200
@@ -116,7 +116,7 @@ class Incident:
 
     ``refusals`` counts what was not taken, per (reason, node): bytes that are no message, keys
     that are not ours, another incident's keys (``foreign_incident``), what somebody else says
-    under this post's keys (``not_the_post``), and nodes beyond the first 1024
+    under this post's keys (``not_the_post``), and nodes beyond the first 4096
     (``too_many_nodes``). A key so malformed that it names no node counts under ``?``.
 
     What a node with a wrong clock says is put on the post's time line (see ``Dating``).

@@ -6,6 +6,7 @@ take a message from the inbox, read the clock once, record, handle, publish what
 
 from __future__ import annotations
 
+import gc
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -80,6 +81,8 @@ class Post:
             if time.monotonic() >= next_show_s:
                 self._show(self.roster(self._clock.now_ns()))
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
+                # What is kept is kept for good: going through it for cycles would stall a crowd.
+                gc.freeze()
         ended_ns = self._clock.now_ns()
         self._handle_all(self._inbox.get_all())
         self._publish(self._recorded.finish(ended_ns))

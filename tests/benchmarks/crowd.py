@@ -5,7 +5,7 @@ It is no test of accuracy: ways are rectangles, and errors simpler than a boot's
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -39,22 +39,29 @@ class Said(NamedTuple):
 
 
 def crowd(
-    crews: int, members: int, minutes: float, strides_a_second: float, seed: int
-) -> Iterator[Said]:
-    """Yield what crews of ``members`` say, in the order of time; each sets down 6 DAPs or more."""
+    crews: int | Sequence[int], members: int, minutes: float, strides_a_second: float, seed: int,
+    *, within_s: float = 100.0,
+) -> Iterator[Said]:  # fmt: skip
+    """Yield what crews of ``members`` say, in the order of time; each sets down 6 DAPs or more.
+
+    Or several crews of sizes of their own. All of a crew begin ``within_s``, or every 2.5 s.
+    """
+    sizes = [members] * crews if isinstance(crews, int) else crews
     said = [
         each
-        for crew in range(crews)
+        for crew, size in enumerate(sizes)
         for each in _crew(
-            crew, members, minutes, strides_a_second, np.random.default_rng((seed, crew))
+            crew, size, minutes, strides_a_second, min(2.5, within_s / size),
+            np.random.default_rng((seed, crew)),
         )
-    ]
+    ]  # fmt: skip
     yield from sorted(said, key=lambda each: each.message.event_time_ns)
 
 
 def _crew(
-    crew: int, members: int, minutes: float, rate_hz: float, chance: np.random.Generator
-) -> Iterator[Said]:
+    crew: int, members: int, minutes: float, rate_hz: float, every_s: float,
+    chance: np.random.Generator,
+) -> Iterator[Said]:  # fmt: skip
     place_m = np.array([100.0 * (crew % 16), 100.0 * (crew // 16)])
     daps = max(6, members // 2)
     round_m = DAP_EVERY_M * daps
@@ -62,7 +69,7 @@ def _crew(
     for member in range(members):
         name = f"r{crew}-{member}"
         # Nobody keeps in step with others.
-        begin_s = 1.0 + 2.5 * member + chance.uniform(0.0, 2.0)
+        begin_s = 1.0 + every_s * member + chance.uniform(0.0, 2.0)
         yield Said(name, _start(begin_s, place_m))
         count = int(60.0 * minutes * rate_hz)
         length_m = STRIDE_M * np.arange(count + 1, dtype=np.float64)

@@ -129,11 +129,10 @@ class Commits:
         if self._numbers[at : at + 1] != [number]:
             self._numbers.insert(at, number)
 
-    def forget(self, time_ns: int, who: str | None, *, bonds: bool) -> None:
+    def forget(self, time_ns: int, who: frozenset[str], *, bonds: bool) -> None:
         """Drop what an event at ``time_ns``, noted already, makes wrong by coming late.
 
-        ``who`` is the responder whom it concerns, ``None`` if it may be anybody; ``bonds`` says
-        that it may change the crews.
+        ``who`` are the responders whom it concerns; ``bonds`` says that it may change the crews.
         """
         if bonds:
             for number in [n for n in self._crews if self.begin_ns(n) >= time_ns]:
@@ -147,14 +146,14 @@ class Commits:
             self._forget_in(number, time_ns, who)
         self._first = min(self._first, since)
 
-    def _forget_in(self, number: int, time_ns: int, who: str | None) -> None:
+    def _forget_in(self, number: int, time_ns: int, who: frozenset[str]) -> None:
         period = self._periods[number]
         period.crews = self.crews(number)
         period.to_do = self._agenda(number)
         still = {crew.leader: crew for crew in period.crews.crews}
         begin_ns = self.begin_ns(number)
         for leader, made in tuple(period.commits.items()):
-            concerned = who is None or made.crew.is_everybody or who in made.crew.members
+            concerned = made.crew.is_everybody or not who.isdisjoint(made.crew.members)
             if still.get(leader) != made.crew or (
                 concerned and begin_ns + made.crew.phase_ns >= time_ns
             ):

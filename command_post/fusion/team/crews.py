@@ -9,7 +9,7 @@ share, the one that began later takes as the other told it.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
 from command_post.fusion.team.log import ANYWHERE, Installed, TeamLog
@@ -107,6 +107,13 @@ class Bonds:
     def began_until(self, until_ns: int) -> int:
         """Return how many had begun by then."""
         return sum(time_ns <= until_ns for time_ns in self.began_ns.values())
+
+    def concerned(self, dap_id: str, installs: Iterable[Installed]) -> frozenset[str]:
+        """Return whom a DAP concerns: who passed it, who set it down, and who began first."""
+        passed = {who for who, daps in self.passed_ns.items() if dap_id in daps}
+        by = {each.installer_id for each in installs if each.installer_id is not None}
+        first = sorted(self.began_ns, key=lambda who: (self.began_ns[who], who))[:1]
+        return frozenset({*passed, *by, *first})
 
     def daps_passed(self, crew: Crew, until_ns: int) -> set[str]:
         """Return the DAPs that any of a crew had passed by then."""

@@ -26,7 +26,7 @@ Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
 END_OF_TIME_NS = 2**63 - 1
-MOST_RESPONDERS = 1024
+MOST_RESPONDERS = 2048
 
 ANYWHERE = LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(1e6, 0.0, 1e6))
 """Where a DAP is put of which it is not known where it stands."""

@@ -155,8 +155,9 @@ class TeamTracker:
             self.counts["unplaced"] += 1
             return
         new = self._take(
-            said.event_time_ns, None, lambda: self._log.add_dap(dap_id, said), lambda: True
-        )
+            said.event_time_ns, dap_id, lambda: self._log.add_dap(dap_id, said), lambda: True,
+            of_dap=True,
+        )  # fmt: skip
         standing = self._daps.get(dap_id)
         if not new and said.position is None and standing is not None:
             # It asks again: the answer may have been lost.
@@ -165,8 +166,8 @@ class TeamTracker:
     def height_fix(self, event: HeightFix) -> None:
         """Take in how high somebody says a responder or a DAP is."""
         self._take(
-            event.event_time_ns, event.node_id if event.node == "responder" else None,
-            lambda: self._log.add_height(event),
+            event.event_time_ns, event.node_id, lambda: self._log.add_height(event),
+            of_dap=event.node == "dap",
         )  # fmt: skip
 
     def heard(self, responder_id: str, time_ns: int) -> None:
@@ -253,12 +254,13 @@ class TeamTracker:
         return self._bonds.note_passed(event.responder_id, dap_id, event.event_time_ns)
 
     def _take(
-        self, time_ns: int, who: str | None, add: Callable[[], bool],
-        bond: Callable[[], bool] | None = None,
+        self, time_ns: int, node_id: str, add: Callable[[], bool],
+        bond: Callable[[], bool] | None = None, *, of_dap: bool = False,
     ) -> bool:  # fmt: skip
         """Log an event, having solved what ended before it; ``False`` if it was here before.
 
-        ``who`` is the responder whom it concerns, if only one; ``bond`` notes whom it ties to whom.
+        ``node_id`` is the responder's whom it concerns, or the DAP's if it is ``of_dap``; ``bond``
+        notes whom it ties to whom.
         """
         self._tick(time_ns)
         if not add():
@@ -268,6 +270,8 @@ class TeamTracker:
         self._commits.note(time_ns)
         self.counts["late_fused"] += time_ns <= self._solved_ns
         if time_ns <= max(self._solved_ns, self._commits.until_ns):
+            installs = self._log.daps.get(node_id, ()) if of_dap else ()
+            who = self._bonds.concerned(node_id, installs) if of_dap else frozenset({node_id})
             self._commits.forget(time_ns, who, bonds=bonds)
             self._agenda.ask_again()
         return True
