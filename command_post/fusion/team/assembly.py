@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
@@ -182,7 +182,28 @@ def _pass_ties(
             place = _dap_place(peak.other_id, standing[at - 1])
             sd_m = settings.sharpness.sd_at_m(peak.peak_dbm)
             ties.append(_tie(chains, index, peak.time_ns, place, sd_m, settings.sharpness.dof))
-    return ties
+    return _shadowed_alike(ties, chains[index], settings.shadowing_m)
+
+
+def _shadowed_alike(ties: list[_Tie], chain: Chain, shadowing_m: float) -> list[_Tie]:
+    """Return a responder's passes, those of one DAP within ``shadowing_m`` of way told as one.
+
+    The same walls and bodies shadow them: all of them together say no more than one does.
+    """
+    at_m: dict[PlaceId, list[float]] = {}
+    for tie in ties:
+        at_m.setdefault(tie.place, []).append(float(chain.length_m[tie.stance]))
+    for way_m in at_m.values():
+        way_m.sort()
+    alike = (
+        bisect_right(at_m[tie.place], chain.length_m[tie.stance] + shadowing_m)
+        - bisect_left(at_m[tie.place], chain.length_m[tie.stance] - shadowing_m)
+        for tie in ties
+    )
+    return [
+        tie._replace(sd_m=tie.sd_m * math.sqrt(count))
+        for tie, count in zip(ties, alike, strict=True)
+    ]
 
 
 def _meeting_ties(

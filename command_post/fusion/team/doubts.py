@@ -55,6 +55,9 @@ MOST_TRIED_OF_CROWD = 6
 """Of a crew of a large team one node is suspected at a commit, of no more things than this."""
 
 LEAST_PASSES = 3
+FEWEST_TO_ONE = 4
+"""Of so many DAPs one may be doubted: who finds most of them wrong is more likely wrong."""
+
 TIMES_THE_REST = 3.0
 ASTRAY_AREA_M2 = 1500.0
 """Over so much ground are passes spread that mean nothing."""
@@ -192,6 +195,8 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     examined = dict(verdict.examined)
     best: tuple[Solved, Held] | None = None
     for role, most in case.suspects.items():
+        if role == "dap" and _doubted_daps(verdict) >= max(1, _daps(verdict) // FEWEST_TO_ONE):
+            continue
         of_role = [node for node in nodes if node.role == role]
         for node in sorted(of_role, key=lambda each: (-each.misfit, each.node_id))[:most]:
             if examined.get(node.name) == len(node.passes):
@@ -204,6 +209,15 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
         return verdict._replace(examined=examined)
     # What else stands out may be due to the same, and is looked at again.
     return Verdict(best[0], (*verdict.held, best[1]), verdict.examined)
+
+
+def _doubted_daps(verdict: Verdict) -> int:
+    return sum(held.suspicion.role == "dap" for held in verdict.held)
+
+
+def _daps(verdict: Verdict) -> int:
+    """Return how many DAPs have been passed."""
+    return len({each.place[1] for each in passes_of(verdict.solved) if each.place[0] == "dap"})
 
 
 def _standing_out(solved: Solved) -> list[_Node]:
