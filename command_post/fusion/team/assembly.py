@@ -186,24 +186,21 @@ def _pass_ties(
 
 
 def _shadowed_alike(ties: list[_Tie], chain: Chain, shadowing_m: float) -> list[_Tie]:
-    """Return a responder's passes, those of one DAP within ``shadowing_m`` of way told as one.
+    """Return a chain's ties to what it heard, those to one within ``shadowing_m`` of way as one.
 
     The same walls and bodies shadow them: all of them together say no more than one does.
     """
     at_m: dict[PlaceId, list[float]] = {}
     for tie in ties:
-        at_m.setdefault(tie.place, []).append(float(chain.length_m[tie.stance]))
+        at_m.setdefault(tie.place[:-1], []).append(float(chain.length_m[tie.stance]))
     for way_m in at_m.values():
         way_m.sort()
-    alike = (
-        bisect_right(at_m[tie.place], chain.length_m[tie.stance] + shadowing_m)
-        - bisect_left(at_m[tie.place], chain.length_m[tie.stance] - shadowing_m)
-        for tie in ties
-    )
-    return [
-        tie._replace(sd_m=tie.sd_m * math.sqrt(count))
-        for tie, count in zip(ties, alike, strict=True)
-    ]
+    told = []
+    for tie in ties:
+        way_m, here_m = at_m[tie.place[:-1]], float(chain.length_m[tie.stance])
+        alike = bisect_right(way_m, here_m + shadowing_m) - bisect_left(way_m, here_m - shadowing_m)
+        told.append(tie._replace(sd_m=tie.sd_m * math.sqrt(alike)))
+    return told
 
 
 def _meeting_ties(
@@ -212,7 +209,7 @@ def _meeting_ties(
 ) -> list[_Tie]:  # fmt: skip
     """Return both ties of each meeting that is logged with this responder."""
     responder_id = chains[index].responder_id
-    ties = []
+    own, others = [], []
     for meeting in _meetings(log.responders[responder_id].contacts, until_ns, settings):
         other = number.get(meeting.other_id)
         if other is None:
@@ -222,8 +219,13 @@ def _meeting_ties(
         # Either is half of the way from where they met.
         sd_m = settings.contact_share * max(sd_m, settings.contact_sd_least_m)
         dof = settings.sharpness.dof
-        ties += [_tie(chains, each, meeting.time_ns, place, sd_m, dof) for each in (index, other)]
-    return ties
+        own.append(_tie(chains, index, meeting.time_ns, place, sd_m, dof))
+        others.append(_tie(chains, other, meeting.time_ns, place, sd_m, dof))
+    told = _shadowed_alike(own, chains[index], settings.shadowing_m)
+    return [
+        *told,
+        *(other._replace(sd_m=own.sd_m) for own, other in zip(told, others, strict=True)),
+    ]
 
 
 def _dap_place(dap_id: str, installed: Installed) -> PlaceId:
