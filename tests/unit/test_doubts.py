@@ -161,3 +161,10 @@ def test_doubts_leave_no_trace_of_the_order_of_arrival() -> None:
     assert one.daps == other.daps
     for responder_id, track in one.tracks.items():
         assert np.array_equal(track.position_m, other.tracks[responder_id].position_m)
+
+
+def test_no_more_than_a_quarter_of_all_daps_is_doubted() -> None:
+    """Who finds most of them wrong is more likely wrong: here two are, of six."""
+    seen = fused(2, Faults(moved=("dap4", (12.0, 15.0)), astray="dap3"))
+    doubted = {node_id for _, node_id in seen.names if node_id.startswith("dap")}
+    assert len(doubted) == 1

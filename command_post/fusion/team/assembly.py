@@ -145,8 +145,7 @@ def _ties(
             place = _dap_place(dap_id, installed)
             chain = number.get(installed.installer_id or "")
             if chain is not None:
-                sd_m = settings.install_sd_m
-                ties.append(_tie(chains, chain, installed.time_ns, place, sd_m, 0.0))
+                ties.append(_install_tie(chains, chain, installed.time_ns, place, settings))
             elif installed.position is not None:
                 known[place] = _known(installed.position)
             else:
@@ -156,6 +155,18 @@ def _ties(
         ties += _pass_ties(log, chains, index, stands, until_ns, settings)
         ties += _meeting_ties(log, chains, index, number, until_ns, settings)
     return ties, known
+
+
+def _install_tie(
+    chains: list[Chain], chain: int, time_ns: int, place: PlaceId, settings: TeamSettings
+) -> _Tie:
+    """Return the tie of a DAP to its installer, who set it down before them."""
+    tie = _tie(chains, chain, time_ns, place, settings.install_sd_m, 0.0)
+    ahead_north, ahead_east = chains[chain].ahead(time_ns)
+    return tie._replace(
+        north_m=tie.north_m + settings.install_ahead_m * ahead_north,
+        east_m=tie.east_m + settings.install_ahead_m * ahead_east,
+    )
 
 
 def _known(position: LocalPosition) -> _Known:

@@ -27,6 +27,8 @@ from shared.units import NS_PER_S
 
 MOST_LOST = 1000
 PACE_S = 1.5
+LEAST_AHEAD_M = 0.3
+"""A shorter stride does not tell which way its wearer goes."""
 KNOWN_TURN_SD_RAD = 1.5
 """A heading known no better than this is not known."""
 
@@ -71,6 +73,16 @@ class Chain(NamedTuple):
         if share >= 0.5:
             return after, -(1.0 - share) * north_m, -(1.0 - share) * east_m
         return after - 1, share * north_m, share * east_m
+
+    def ahead(self, time_ns: int) -> tuple[float, float]:
+        """Return which way the body last went by then: north, east, of length 1; nought if none."""
+        stance = int(np.searchsorted(self.time_ns, time_ns, side="right"))
+        for end in range(min(stance, self.time_ns.size - 1), 0, -1):
+            north_m, east_m = (self.way_m[end] - self.way_m[end - 1]).tolist()
+            length_m = math.sqrt(north_m * north_m + east_m * east_m)
+            if length_m > LEAST_AHEAD_M:
+                return north_m / length_m, east_m / length_m
+        return 0.0, 0.0
 
     def velocity_m_s(self, time_ns: Ints) -> Floats:
         """Return how fast the body then went (n, 2), north and east in the agent's frame.
