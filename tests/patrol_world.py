@@ -17,6 +17,8 @@ from tests.stride_world import at_ns, installation, stride, track_start
 STRIDE_M = 1.2
 STRIDE_S = 1.1
 REACH_M = 4.0
+SET_DOWN_AHEAD_M = 0.25
+"""So far before themselves somebody sets a DAP down."""
 NEVER_S = math.inf
 
 Floats = NDArray[np.float64]
@@ -87,6 +89,10 @@ def _way(name: str, number: int) -> tuple[Floats, Floats]:
     return time_s, np.array(places)
 
 
+def _unit(way_m: Floats) -> Floats:
+    return way_m / float(np.hypot(*way_m))
+
+
 def _ahead_s(faults: Faults, node_id: str) -> float:
     return faults.ahead_s[1] if faults.ahead_s and faults.ahead_s[0] == node_id else 0.0
 
@@ -130,7 +136,8 @@ def _told(
     if by is not None:
         times, places = ways[by]
         nearest = int(np.argmin(np.hypot(*(places[:60] - place_m).T)))
-        down_s, place_m = float(times[nearest]) + 0.1, places[nearest]
+        down_s = float(times[nearest]) + 0.1
+        place_m = places[nearest] + SET_DOWN_AHEAD_M * _unit(places[nearest] - places[nearest - 1])
     known = None if by else (float(place_m[0]), float(place_m[1]))
     told: list[Message] = [installation(down_s + ahead_s, by, known)]
     astray = faults.astray == dap_id

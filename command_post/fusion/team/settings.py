@@ -103,7 +103,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     sharpness: Sharpness = Sharpness()
     scale_prior_ties: Annotated[float, Meta(gt=0.0, le=1e6)] = 10.0
     shadowing_m: Metres = 5.0
-    lead_sd_s: Seconds = 0.3
+    lead_sd_s: Seconds = 0.2
     contact_gain_db: Annotated[float, Meta(ge=-50.0, le=50.0)] = 5.0
     contact_least_dbm: float = -54.0
     contact_sd_least_m: Metres = 0.6
