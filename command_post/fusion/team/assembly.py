@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,19 +18,14 @@ from command_post.fusion.team.chain import (
     unit_sd,
 )
 from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
-from command_post.fusion.team.log import Floats, Installed, Ints, Peak, TeamLog
+from command_post.fusion.team.log import Floats, Ints, TeamLog
 from command_post.fusion.team.settings import TeamSettings
-from shared.messages import LocalPosition
+from command_post.fusion.team.ties import Known, PlaceId, Tie, level_sd_m, ties_of
 from shared.units import NS_PER_S
-
-PlaceId: TypeAlias = tuple[str, ...]
-"""A DAP where it stood since a time, or a meeting of two responders."""
 
 UNKNOWN_SD_M = 1000.0
 UNKNOWN_TURN_SD_RAD = 50.0
 ANY_AXIS_SD_RAD = 10.0
-SAME_PASS_S = 5.0
-LEAST_SD_M = 0.1
 
 
 class AxisBelief(NamedTuple):
@@ -89,25 +83,6 @@ class Assembled:
         return replace(self, graph=graph)
 
 
-class _Tie(NamedTuple):
-    """A place reached by the chain: when, stance, offset from there, deviation, freedom."""
-
-    chain: int
-    time_ns: int
-    stance: int
-    north_m: float
-    east_m: float
-    place: PlaceId
-    sd_m: float
-    dof: float
-
-
-class _Known(NamedTuple):
-    north_m: float
-    east_m: float
-    sd_m: float
-
-
 def assemble(
     log: TeamLog, until_ns: int, belief: AxisBelief, tie_scale: float, settings: TeamSettings
 ) -> Assembled | None:
@@ -119,7 +94,7 @@ def assemble(
     ]
     if not chains:
         return None
-    ties, known = _ties(log, chains, until_ns, settings)
+    ties, known = ties_of(log, chains, until_ns, settings)
     ties = [
         tie._replace(sd_m=tie_scale * tie.sd_m) if tie.dof and tie.place[0] == "dap" else tie
         for tie in ties
@@ -128,165 +103,6 @@ def assemble(
     assembled = _build(chains, ties, known, fixes, belief, settings)
     assembled.tie_scale = tie_scale
     return assembled
-
-
-def _ties(
-    log: TeamLog, chains: list[Chain], until_ns: int, settings: TeamSettings
-) -> tuple[list[_Tie], dict[PlaceId, _Known]]:
-    """Return all ties, and what is known of places beforehand."""
-    number = {chain.responder_id: index for index, chain in enumerate(chains)}
-    stands: dict[str, list[Installed]] = {}
-    known: dict[PlaceId, _Known] = {}
-    ties: list[_Tie] = []
-    for dap_id in sorted(log.daps):
-        for installed in log.daps[dap_id]:
-            if installed.time_ns > until_ns:
-                break
-            place = _dap_place(dap_id, installed)
-            chain = number.get(installed.installer_id or "")
-            if chain is not None:
-                ties.append(_install_tie(chains, chain, installed.time_ns, place, settings))
-            elif installed.position is not None:
-                known[place] = _known(installed.position)
-            else:
-                continue
-            stands.setdefault(dap_id, []).append(installed)
-    for index in range(len(chains)):
-        ties += _pass_ties(log, chains, index, stands, until_ns, settings)
-        ties += _meeting_ties(log, chains, index, number, until_ns, settings)
-    return ties, known
-
-
-def _install_tie(
-    chains: list[Chain], chain: int, time_ns: int, place: PlaceId, settings: TeamSettings
-) -> _Tie:
-    """Return the tie of a DAP to its installer, who set it down before them."""
-    tie = _tie(chains, chain, time_ns, place, settings.install_sd_m, 0.0)
-    ahead_north, ahead_east = chains[chain].ahead(time_ns)
-    return tie._replace(
-        north_m=tie.north_m + settings.install_ahead_m * ahead_north,
-        east_m=tie.east_m + settings.install_ahead_m * ahead_east,
-    )
-
-
-def _known(position: LocalPosition) -> _Known:
-    return _Known(position.north_m, position.east_m, _sd_m(position))
-
-
-def _sd_m(position: LocalPosition) -> float:
-    """Return how well a place is known, each way alike; what no covariance can be counts as 0."""
-    nn, _, ee = position.covariance_m2
-    return math.sqrt(max(0.5 * (nn + ee), LEAST_SD_M**2))
-
-
-def _pass_ties(
-    log: TeamLog, chains: list[Chain], index: int, stands: dict[str, list[Installed]],
-    until_ns: int, settings: TeamSettings,
-) -> list[_Tie]:  # fmt: skip
-    """Return a responder's passes of DAPs, each tied to where the DAP then stood."""
-    heard = log.responders[chains[index].responder_id]
-    ties = []
-    for peak in _passes(heard.peaks, heard.nears, until_ns, settings):
-        standing = stands.get(peak.other_id, [])
-        at = bisect_right(standing, peak.time_ns, key=lambda each: each.time_ns)
-        if at:
-            place = _dap_place(peak.other_id, standing[at - 1])
-            sd_m = settings.sharpness.sd_at_m(peak.peak_dbm)
-            ties.append(_tie(chains, index, peak.time_ns, place, sd_m, settings.sharpness.dof))
-    return _shadowed_alike(ties, chains[index], settings.shadowing_m)
-
-
-def _shadowed_alike(ties: list[_Tie], chain: Chain, shadowing_m: float) -> list[_Tie]:
-    """Return a chain's ties to what it heard, those to one within ``shadowing_m`` of way as one.
-
-    The same walls and bodies shadow them: all of them together say no more than one does.
-    """
-    at_m: dict[PlaceId, list[float]] = {}
-    for tie in ties:
-        at_m.setdefault(tie.place[:-1], []).append(float(chain.length_m[tie.stance]))
-    for way_m in at_m.values():
-        way_m.sort()
-    told = []
-    for tie in ties:
-        way_m, here_m = at_m[tie.place[:-1]], float(chain.length_m[tie.stance])
-        alike = bisect_right(way_m, here_m + shadowing_m) - bisect_left(way_m, here_m - shadowing_m)
-        told.append(tie._replace(sd_m=tie.sd_m * math.sqrt(alike)))
-    return told
-
-
-def _meeting_ties(
-    log: TeamLog, chains: list[Chain], index: int, number: dict[str, int],
-    until_ns: int, settings: TeamSettings,
-) -> list[_Tie]:  # fmt: skip
-    """Return both ties of each meeting that is logged with this responder."""
-    responder_id = chains[index].responder_id
-    own, others = [], []
-    for meeting in _meetings(log.responders[responder_id].contacts, until_ns, settings):
-        other = number.get(meeting.other_id)
-        if other is None:
-            continue
-        place = ("meeting", responder_id, meeting.other_id, str(meeting.time_ns))
-        sd_m = settings.sharpness.sd_at_m(meeting.peak_dbm + settings.contact_gain_db)
-        # Either is half of the way from where they met.
-        sd_m = settings.contact_share * max(sd_m, settings.contact_sd_least_m)
-        dof = settings.sharpness.dof
-        own.append(_tie(chains, index, meeting.time_ns, place, sd_m, dof))
-        others.append(_tie(chains, other, meeting.time_ns, place, sd_m, dof))
-    told = _shadowed_alike(own, chains[index], settings.shadowing_m)
-    return [
-        *told,
-        *(other._replace(sd_m=own.sd_m) for own, other in zip(told, others, strict=True)),
-    ]
-
-
-def _dap_place(dap_id: str, installed: Installed) -> PlaceId:
-    return ("dap", dap_id, str(installed.time_ns))
-
-
-def _tie(
-    chains: list[Chain], chain: int, time_ns: int, place: PlaceId, sd_m: float, dof: float
-) -> _Tie:
-    return _Tie(chain, time_ns, *chains[chain].nearest(time_ns), place, sd_m, dof)
-
-
-def _passes(
-    peaks: list[Peak], nears: list[Peak], until_ns: int, settings: TeamSettings
-) -> list[Peak]:
-    """Return the peaks sharp enough; of a DAP that tells none, the strongest of each stay."""
-    told = {peak.other_id for peak in peaks}
-    passes = [
-        peak
-        for peak in peaks
-        if peak.time_ns <= until_ns and peak.peak_dbm >= settings.sharpness.least_dbm
-    ]
-    stays: dict[str, Peak] = {}
-    for near in nears:
-        if near.time_ns > until_ns or near.other_id in told:
-            continue
-        best = stays.get(near.other_id)
-        if best is not None and near.time_ns - best.time_ns < SAME_PASS_S * NS_PER_S:
-            if near.peak_dbm > best.peak_dbm:
-                stays[near.other_id] = near
-            continue
-        if best is not None:
-            passes.append(best)
-        stays[near.other_id] = near
-    return sorted([*passes, *stays.values()])
-
-
-def _meetings(contacts: list[Peak], until_ns: int, settings: TeamSettings) -> list[Peak]:
-    """Return the contacts close enough, one for each meeting: both units may tell of it."""
-    found: dict[str, Peak] = {}
-    meetings = []
-    for contact in contacts:
-        if contact.time_ns > until_ns or contact.peak_dbm < settings.contact_least_dbm:
-            continue
-        last = found.get(contact.other_id)
-        if last and contact.time_ns - last.time_ns < settings.contact_again_s * NS_PER_S:
-            continue
-        found[contact.other_id] = contact
-        meetings.append(contact)
-    return meetings
 
 
 class _FixRow(NamedTuple):
@@ -303,7 +119,7 @@ def _fixes(
         for unit, start in enumerate(chain.starts):
             stance = chain.begin_of(unit)
             if start.position is not None:
-                sd_m = math.hypot(_sd_m(start.position), settings.start_sd_m)
+                sd_m = math.hypot(level_sd_m(start.position), settings.start_sd_m)
                 at = (start.position.north_m, start.position.east_m)
             elif unit == 0:
                 unknown = start.heading_sd_rad >= UNKNOWN_TURN_SD_RAD
@@ -315,7 +131,7 @@ def _fixes(
         for fix in log.responders[chain.responder_id].fixes:
             if fix.time_ns <= until_ns:
                 stance, north_m, east_m = chain.nearest(fix.time_ns)
-                sd_m = _sd_m(fix.position)
+                sd_m = level_sd_m(fix.position)
                 at = (fix.position.north_m, fix.position.east_m)
                 row = (north_m, east_m, *at, sd_m, settings.sharpness.dof)
                 rows.append(_FixRow(index, stance, row))
@@ -324,8 +140,8 @@ def _fixes(
 
 def _build(
     chains: list[Chain],
-    ties: list[_Tie],
-    known: dict[PlaceId, _Known],
+    ties: list[Tie],
+    known: dict[PlaceId, Known],
     fixes: list[_FixRow],
     belief: AxisBelief,
     settings: TeamSettings,
@@ -387,7 +203,7 @@ def _build(
 
 
 def _nodes(
-    chains: list[Chain], ties: Iterable[_Tie], fixes: Iterable[_FixRow], settings: TeamSettings
+    chains: list[Chain], ties: Iterable[Tie], fixes: Iterable[_FixRow], settings: TeamSettings
 ) -> tuple[list[Ints], Ints]:
     wanted: list[set[int]] = [
         {0, chain.time_ns.size - 1, *chain.links.tolist(), *(chain.links - 1).tolist()}
@@ -408,7 +224,7 @@ def _nodes(
     return nodes, np.concatenate([[0], np.cumsum([len(each) for each in nodes])])
 
 
-def _tie_rows(chains: list[Chain], ties: list[_Tie]) -> Floats:
+def _tie_rows(chains: list[Chain], ties: list[Tie]) -> Floats:
     """Return ``Graph.tie`` of ties in the order of their chains."""
     rows = np.array([(t.north_m, t.east_m, t.sd_m, t.dof, 0.0, 0.0) for t in ties]).reshape(-1, 6)
     of_chain = np.array([tie.chain for tie in ties], np.int64)

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from command_post.fusion.team.assembly import Assembled, PlaceId
+from command_post.fusion.team.assembly import Assembled
 from command_post.fusion.team.heights import HeightGraph, smooth_heights, storeys
 from command_post.fusion.team.log import Floats, Height, Ints, TeamLog
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.ties import PlaceId
 
 UNKNOWN_HEIGHT_SD_M = 100.0
 LEAST_SD_M = 0.02

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from command_post.fusion.team.arithmetic import carried, logarithm
-from command_post.fusion.team.assembly import PlaceId
 from command_post.fusion.team.graph import LEAD, PLACE_DOF, TURN_DOF
 from command_post.fusion.team.solving import Solved
+from command_post.fusion.team.ties import PlaceId
 from shared.units import NS_PER_S
 
 EXPECTED_COST = 3.0

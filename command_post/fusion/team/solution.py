@@ -14,12 +14,12 @@ from command_post.fusion.team.assembly import (
     NO_AXIS,
     Assembled,
     AxisBelief,
-    PlaceId,
 )
 from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.graph import AXIS, LEAD
 from command_post.fusion.team.log import Floats, Installed, Ints, Start, TeamLog
 from command_post.fusion.team.suspicions import Suspicion
+from command_post.fusion.team.ties import PlaceId
 from shared.compiled import compiled
 
 
