@@ -17,8 +17,6 @@ PlaceId: TypeAlias = tuple[str, ...]
 
 SAME_PASS_S = 5.0
 LEAST_SD_M = 0.1
-PASSED_ASIDE_M = 0.5
-"""So far from a DAP of known place lies the way past it, for all who take it alike."""
 
 
 class Tie(NamedTuple):
@@ -82,8 +80,7 @@ def _install_tie(
 
 
 def _known(position: LocalPosition) -> Known:
-    sd_m = math.hypot(level_sd_m(position), PASSED_ASIDE_M)
-    return Known(position.north_m, position.east_m, sd_m)
+    return Known(position.north_m, position.east_m, level_sd_m(position))
 
 
 def level_sd_m(position: LocalPosition) -> float:
