@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from command_post.fusion.interface import Doubt
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.team_tracker import TeamTracker
-from shared.messages import DapInstallation, OdometryIncrement, RssiPeak, TrackStart
+from shared.messages import OdometryIncrement, RssiPeak
 from tests.patrol_world import Faults, patrol
 from tests.stride_world import START_NS
+from tests.unit.test_team_tracker import give
 
 COMMIT_S = 10.0
 
@@ -47,21 +48,14 @@ def fused(seed: int, faults: Faults | None, *, doubting: bool = True) -> Fused:
     off_m: dict[str, list[tuple[float, float]]] = {name: [] for name in world.ways}
     for node_id, message in world.heard:
         time_s = (message.event_time_ns - START_NS) / 1e9
-        match message:
-            case TrackStart():
-                tracker.start(node_id, message)
-            case RssiPeak():
-                tracker.peak(node_id, message)
-            case DapInstallation():
-                tracker.install(node_id, message)
-            case OdometryIncrement():
-                tracker.move(node_id, message)
-                clock = faults.ahead_s if faults else None
-                own_s = time_s - (clock[1] if clock and clock[0] == node_id else 0.0)
-                place_m = world.place_m(node_id, own_s)
-                held = tracker.estimates[node_id]
-                off = math.hypot(held.north_m - place_m[0], held.east_m - place_m[1])
-                off_m[node_id].append((time_s, off))
+        give(tracker, node_id, message)
+        if isinstance(message, OdometryIncrement):
+            clock = faults.ahead_s if faults else None
+            own_s = time_s - (clock[1] if clock and clock[0] == node_id else 0.0)
+            place_m = world.place_m(node_id, own_s)
+            held = tracker.estimates[node_id]
+            off = math.hypot(held.north_m - place_m[0], held.east_m - place_m[1])
+            off_m[node_id].append((time_s, off))
         for doubt in tracker.doubts:
             named_s.setdefault((doubt.kind, doubt.node_id), time_s)
     return Fused(tracker, named_s, {name: np.array(each) for name, each in off_m.items()})
@@ -148,15 +142,7 @@ def test_doubts_leave_no_trace_of_the_order_of_arrival() -> None:
         (late, [*others[:900], *held_back[:middle], *others[900:], *held_back[middle:]]),
     ):
         for node_id, message in heard:
-            match message:
-                case TrackStart():
-                    tracker.start(node_id, message)
-                case RssiPeak():
-                    tracker.peak(node_id, message)
-                case DapInstallation():
-                    tracker.install(node_id, message)
-                case OdometryIncrement():
-                    tracker.move(node_id, message)
+            give(tracker, node_id, message)
     one, other = in_order.afterwards(), late.afterwards()
     assert one.daps == other.daps
     for responder_id, track in one.tracks.items():

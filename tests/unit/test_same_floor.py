@@ -6,8 +6,9 @@ import pytest
 
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.team_tracker import TeamTracker
-from shared.messages import Contact, RssiPeak
+from shared.messages import Contact
 from tests.stride_world import at_ns, installation, stride, track_start
+from tests.unit.test_team_tracker import peak_at
 
 STOREY_M = 3.2
 STRIDES = 24
@@ -28,11 +29,7 @@ def east_after_a_pass(storeys: float) -> float:
     tracker = TeamTracker(TeamSettings())
     tracker.install("dap1", installation(0.0, None, (1.2 * PASSED, 6.0)))
     climbing(tracker, "r1", storeys)
-    passed = RssiPeak(
-        event_time_ns=at_ns(2.0 + 1.1 * (PASSED - 1)), sequence=0, responder_id="r1",
-        peak_dbm=-40.0, width_s=1.0, sample_count=9,
-    )  # fmt: skip
-    tracker.peak("dap1", passed)
+    tracker.peak("dap1", peak_at(2.0 + 1.1 * (PASSED - 1), "r1"))
     tracker.move("r1", stride(40.0, 0.0, 0.0, sequence=STRIDES))
     return tracker.estimates["r1"].east_m
 

@@ -190,12 +190,14 @@ def _strain(solved: Solved, index: int) -> float:
 
 def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     """Return the verdict with the best of the suspicions against all nodes that stand out."""
-    nodes = _standing_out(verdict.solved)
+    every = _nodes(verdict.solved)
+    nodes = [node for node in every if node.misfit > LEAST_MISFIT]
+    most_daps = max(1, sum(node.role == "dap" for node in every) // FEWEST_TO_ONE)
     kept = tuple(each.suspicion for each in verdict.held)
     examined = dict(verdict.examined)
     best: tuple[Solved, Held] | None = None
     for role, most in case.suspects.items():
-        if role == "dap" and _doubted_daps(verdict) >= max(1, _daps(verdict) // FEWEST_TO_ONE):
+        if role == "dap" and _doubted_daps(verdict) >= most_daps:
             continue
         of_role = [node for node in nodes if node.role == role]
         for node in sorted(of_role, key=lambda each: (-each.misfit, each.node_id))[:most]:
@@ -213,15 +215,6 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
 
 def _doubted_daps(verdict: Verdict) -> int:
     return sum(held.suspicion.role == "dap" for held in verdict.held)
-
-
-def _daps(verdict: Verdict) -> int:
-    """Return how many DAPs have been passed."""
-    return len({each.place[1] for each in passes_of(verdict.solved) if each.place[0] == "dap"})
-
-
-def _standing_out(solved: Solved) -> list[_Node]:
-    return [node for node in _nodes(solved) if node.misfit > LEAST_MISFIT]
 
 
 def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
