@@ -238,7 +238,7 @@ def _give_the_start(settings: DemoSettings, bus: Bus) -> ExerciseStart:
         speed=settings.speed,
     )
     payload = sender.send(start)
-    bus.answer(sender.key(ExerciseStart), lambda: payload)
+    bus.answer(sender.key(ExerciseStart), lambda _: payload)
     return start
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
 
@@ -21,6 +21,7 @@ from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, ScaledClock
 from shared.codec import Refusal, decode, parse_key
+from shared.gate import Gate
 from shared.messages import ExerciseStart
 from shared.topics import TOPICS, Key, Priority, Role, alive_key, all_alive_of, everything_of
 from shared.units import NS_PER_S
@@ -50,8 +51,12 @@ class Post:
         *,
         follows_exercise: bool,
         show: Callable[[Roster], None],
+        gate: Gate | None = None,
     ) -> None:
-        """``follows_exercise``: take the time from the exercise's start once it is given."""
+        """``follows_exercise``: take the time from the exercise's start once it is given.
+
+        ``gate``: what lets messages in; without one, everybody is believed.
+        """
         self._bus = bus
         self._incident = incident
         self._recorder = recorder
@@ -59,6 +64,7 @@ class Post:
         self._clock = clock
         self._follows_exercise = follows_exercise
         self._show = show
+        self._gate = gate or Gate()
         self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
         self._alive: set[tuple[Role, str]] = set()
         self._joined: Inbox[Key] = Inbox(1000)
@@ -96,9 +102,9 @@ class Post:
 
     def _handle_all(self, messages: Sequence[Received]) -> None:
         for received in messages:
-            if received in self._said:
-                continue
             key, payload = received
+            if received in self._said or self._gate.admit(key, payload) is not None:
+                continue
             if self._follows_exercise and key not in self._own_keys:
                 self._follow(key, payload)
             self._publish(self._recorded.handle(key, payload, self._clock.now_ns()))
@@ -151,7 +157,9 @@ class Post:
                 self._inbox.put(received)
 
     def _tell_losses(self) -> None:
-        for (reason, node_id), count in sorted(self._incident.refusals.items()):
+        refused = Counter[tuple[str, str]](self._incident.refusals)
+        refused.update(self._gate.turned)
+        for (reason, node_id), count in sorted(refused.items()):
             _log.warning("refused in all", reason=reason, node_id=node_id, count=count)
         for what, count in sorted(self._incident.counts.items()):
             _log.info("fusion", what=what, count=count)

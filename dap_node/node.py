@@ -67,7 +67,7 @@ class DapNode:
         self._truth_due_ns = 0
         self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
         bus.subscribe(str(Key(incident, "post", "*", "dap_place")), self._inbox.put)
-        bus.answer(self._sender.key(DapInstallation), lambda: self._place_payload)
+        bus.answer(self._sender.key(DapInstallation), lambda _: self._place_payload)
         bus.declare_alive(alive_key(incident, "dap", dap_id))
 
     @property

@@ -54,7 +54,14 @@ UNKNOWN_FACING_SD_RAD = 1.81
 """Standard deviation of a direction of which nothing is known: π/√3, uniform around the circle."""
 
 HealthLevel: TypeAlias = Literal["ok", "warning", "fault"]
+OrderKind: TypeAlias = Literal["evacuate", "roll_call", "message"]
 Words: TypeAlias = Annotated[str, Meta(min_length=1, max_length=200)]
+
+RunId: TypeAlias = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$")]
+"""Names a run of numbers (``shared.seal``), in hexadecimal: a journal's, or a process's."""
+
+MessageNumber: TypeAlias = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+"""Of a message within its run, from 1; 0 stands before the first."""
 Confidence: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
@@ -290,6 +297,57 @@ class DapEstimate(Message, frozen=True, kw_only=True):
 
     dap_id: NodeId
     position: LocalPosition
+
+
+class Beat(Message, frozen=True, kw_only=True):
+    """A node is at work, at ``event_time_ns``; what its journal holds for those who missed it.
+
+    ``run`` is the journal's and ``last_number`` its newest message's, of which those before
+    ``kept_from`` are there no more and those up to ``acknowledged`` are known to be safe elsewhere.
+    ``clock_offset_ns`` is how far the post's clock is ahead of the node's, give or take
+    ``clock_uncertainty_ns``, as far as the node has found out.
+    """
+
+    run: RunId
+    last_number: MessageNumber
+    kept_from: MessageNumber
+    acknowledged: MessageNumber
+    clock_offset_ns: Annotated[int, Meta(ge=-(2**62), le=2**62)] | None
+    clock_uncertainty_ns: TimeNs | None
+
+
+class SafeUpTo(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """All messages of a journal up to ``number`` are on the disk of whoever says so."""
+
+    role: Literal["responder", "dap", "post"]
+    node_id: NodeId
+    run: RunId
+    number: MessageNumber
+
+
+class Receipt(Message, frozen=True, kw_only=True):
+    """What the post has safe of the nodes' journals: they need not keep it for the post's sake."""
+
+    safe: Annotated[tuple[SafeUpTo, ...], Meta(max_length=256)]
+
+
+class Order(Message, frozen=True, kw_only=True):
+    """The post orders responders: those in ``to``, everybody if that is empty.
+
+    It stands until each has acknowledged it. With the key it came under, ``sequence`` names it.
+    """
+
+    kind: OrderKind
+    to: Annotated[tuple[NodeId, ...], Meta(max_length=256)]
+    text: Annotated[str, Meta(max_length=200)]
+
+
+class OrderReply(Message, frozen=True, kw_only=True):
+    """A responder's unit has an order (``received``), or its wearer says so (``acknowledged``)."""
+
+    post_id: NodeId
+    order_sequence: Sequence
+    stage: Literal["received", "acknowledged"]
 
 
 class ExerciseStart(Message, frozen=True, kw_only=True):

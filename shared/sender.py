@@ -1,24 +1,65 @@
-"""How a node speaks: its messages, numbered under each of its keys."""
+"""How a node speaks: its messages, numbered under each of its keys, and sealed."""
 
 from __future__ import annotations
 
+import secrets
 from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
 
 from shared.bus.interface import Bus
 from shared.codec import encode
 from shared.messages import Message, NodeId
-from shared.topics import TOPICS, Key, Role
+from shared.seal import RUN_BYTES, sealed, signed
+from shared.topics import TOPICS, Key, Role, Topic
 
 _TOPIC_OF = {topic.message: topic for topic in TOPICS.values()}
+
+Sign = Callable[[bytes], bytes]
+"""Makes the signature of a node under what it says."""
+
+
+class Outbox(Protocol):
+    """Where a message goes before it is published."""
+
+    def seal(self, topic: Topic, key: str, payload: bytes) -> bytes:
+        """Return ``payload`` sealed; what is journalled is on disk by then."""
+
+
+class Unkept:
+    """An ``Outbox`` that numbers and signs, and keeps nothing.
+
+    ``run`` is to be random, and another in each process. Without ``sign`` nothing is signed.
+    """
+
+    def __init__(self, sign: Sign | None = None, run: bytes | None = None) -> None:
+        self._sign = sign
+        self._run = secrets.token_bytes(RUN_BYTES) if run is None else run
+        self._number = 0
+
+    def seal(self, topic: Topic, key: str, payload: bytes) -> bytes:  # noqa: ARG002
+        """Return ``payload`` with the run's next number."""
+        self._number += 1
+        whole = sealed(payload, self._run, self._number)
+        return whole if self._sign is None else signed(whole, key, self._sign)
 
 
 class Sender:
     """Publishes the messages of one node, each under the key of its topic."""
 
-    def __init__(self, bus: Bus, incident: NodeId, role: Role, node_id: NodeId) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        incident: NodeId,
+        role: Role,
+        node_id: NodeId,
+        outbox: Outbox | None = None,
+    ) -> None:
+        """Without ``outbox``, as in a rehearsal, nothing is sealed."""
         self._bus = bus
         self._incident = incident
         self._role: Role = role
+        self._outbox = outbox
         self.node_id = node_id
         """Whose messages they are."""
 
@@ -36,7 +77,10 @@ class Sender:
 
     def send(self, message: Message) -> bytes:
         """Publish ``message`` and return the bytes that went out."""
+        topic = _TOPIC_OF[type(message)]
+        key = self.key(type(message))
         payload = encode(message)
-        kind = type(message)
-        self._bus.publish(self.key(kind), payload, _TOPIC_OF[kind].priority)
+        if self._outbox is not None:
+            payload = self._outbox.seal(topic, key, payload)
+        self._bus.publish(key, payload, topic.priority)
         return payload

@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from shared.messages import (
     Alarm,
+    Beat,
     Contact,
     DapEstimate,
     DapInstallation,
@@ -20,8 +21,11 @@ from shared.messages import (
     Message,
     NodeHealth,
     OdometryIncrement,
+    Order,
+    OrderReply,
     PositionFix,
     ProximityEvent,
+    Receipt,
     RssiPeak,
     RssiReport,
     TrackEstimate,
@@ -40,7 +44,8 @@ Priority: TypeAlias = Literal["high", "data", "low"]
 class Topic(NamedTuple):
     """One row: what is sent, by whom, how often, how urgently, and whether it is recorded.
 
-    ``rate_hz`` is the rate to expect of one node, 0 for what happens rarely.
+    ``rate_hz`` is the rate to expect of one node, 0 for what happens rarely. What is ``journalled``
+    is kept by its sender until it is known to have arrived; the rest is only ever said once.
     """
 
     name: str
@@ -49,27 +54,32 @@ class Topic(NamedTuple):
     rate_hz: float
     priority: Priority
     recorded: bool
+    journalled: bool
 
 
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
-        Topic("start", TrackStart, ("responder",), 0.0, "high", True),
-        Topic("increment", OdometryIncrement, ("responder",), 1.0, "high", True),
-        Topic("alarm", Alarm, ("responder",), 0.0, "high", True),
-        Topic("health", NodeHealth, ("responder",), 0.1, "data", True),
-        Topic("imu", ImuBatch, ("responder",), 4.0, "low", True),
-        Topic("rssi", RssiReport, ("dap",), 20.0, "low", True),
-        Topic("proximity", ProximityEvent, ("dap",), 1.0, "high", True),
-        Topic("peak", RssiPeak, ("dap",), 0.0, "high", True),
-        Topic("contact", Contact, ("responder",), 0.0, "high", True),
-        Topic("fix", PositionFix, ("responder", "post"), 0.0, "high", True),
-        Topic("height_fix", HeightFix, ("responder", "dap", "post"), 0.0, "high", True),
-        Topic("installation", DapInstallation, ("dap",), 0.0, "high", True),
-        Topic("track", TrackEstimate, ("post",), 10.0, "data", True),
-        Topic("dap_place", DapEstimate, ("post",), 0.0, "data", True),
-        Topic("exercise", ExerciseStart, ("post",), 0.0, "high", True),
-        Topic("truth", Truth, ("responder", "dap"), 2.0, "low", True),
+        Topic("start", TrackStart, ("responder",), 0.0, "high", True, True),
+        Topic("increment", OdometryIncrement, ("responder",), 1.0, "high", True, True),
+        Topic("alarm", Alarm, ("responder",), 0.0, "high", True, True),
+        Topic("health", NodeHealth, ("responder",), 0.1, "data", True, False),
+        Topic("imu", ImuBatch, ("responder",), 4.0, "low", True, False),
+        Topic("rssi", RssiReport, ("dap",), 20.0, "low", True, False),
+        Topic("proximity", ProximityEvent, ("dap",), 1.0, "high", True, True),
+        Topic("peak", RssiPeak, ("dap",), 0.0, "high", True, True),
+        Topic("contact", Contact, ("responder",), 0.0, "high", True, True),
+        Topic("fix", PositionFix, ("responder", "post"), 0.0, "high", True, True),
+        Topic("height_fix", HeightFix, ("responder", "dap", "post"), 0.0, "high", True, True),
+        Topic("installation", DapInstallation, ("dap",), 0.0, "high", True, True),
+        Topic("track", TrackEstimate, ("post",), 10.0, "data", True, False),
+        Topic("dap_place", DapEstimate, ("post",), 0.0, "data", True, False),
+        Topic("beat", Beat, ("responder", "dap", "post"), 1.0, "high", True, False),
+        Topic("receipt", Receipt, ("post",), 0.5, "low", False, False),
+        Topic("order", Order, ("post",), 0.0, "high", True, True),
+        Topic("order_reply", OrderReply, ("responder",), 0.0, "high", True, True),
+        Topic("exercise", ExerciseStart, ("post",), 0.0, "high", True, False),
+        Topic("truth", Truth, ("responder", "dap"), 2.0, "low", True, False),
     )
 }
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
     Alarm,
+    Beat,
     Contact,
     DapEstimate,
     DapInstallation,
@@ -19,10 +20,14 @@ from shared.messages import (
     Message,
     NodeHealth,
     OdometryIncrement,
+    Order,
+    OrderReply,
     PositionFix,
     ProximityEvent,
+    Receipt,
     RssiPeak,
     RssiReport,
+    SafeUpTo,
     TrackEstimate,
     TrackStart,
     Truth,
@@ -122,6 +127,20 @@ def one_of_each() -> dict[str, Message]:
             reason="no DAP heard for 40 s",
         ),
         "dap_place": DapEstimate(**common, dap_id="d1", position=_HERE),
+        "beat": Beat(
+            **common,
+            run="00ff" * 4,
+            last_number=9,
+            kept_from=1,
+            acknowledged=7,
+            clock_offset_ns=-5,
+            clock_uncertainty_ns=2,
+        ),
+        "receipt": Receipt(
+            **common, safe=(SafeUpTo(role="dap", node_id="d1", run="00ff" * 4, number=7),)
+        ),
+        "order": Order(**common, kind="evacuate", to=("r1",), text="by the north stair"),
+        "order_reply": OrderReply(**common, post_id="p", order_sequence=2, stage="received"),
         "exercise": ExerciseStart(**common, scenario="course", seed=7, speed=10.0),
         "truth": Truth(**common, north_m=1.0, east_m=2.0, down_m=0.0),
     }

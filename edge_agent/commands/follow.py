@@ -108,7 +108,7 @@ def run(
             sender = Sender(bus, incident, "responder", responder_id)
             place = _place(start) or opened.start
             agent = Agent(sender, mount, method, place, sends_imu=imu, stands_at=known_point)
-            bus.answer(sender.key(TrackStart), lambda: agent.start_payload)
+            bus.answer(sender.key(TrackStart), lambda _: agent.start_payload)
             bus.declare_alive(alive_key(incident, "responder", responder_id))
             _await_link(bus, stop)
             if await_start:

@@ -18,6 +18,8 @@ class Received(NamedTuple):
 
 Handler: TypeAlias = Callable[[Received], None]
 AliveHandler: TypeAlias = Callable[[str, bool], None]
+Answerer: TypeAlias = Callable[[bytes], bytes | None]
+"""Makes an answer of a request, which is empty where the key says all."""
 
 
 class BusClosedError(RuntimeError):
@@ -33,11 +35,11 @@ class Bus(Protocol):
     def subscribe(self, key_expression: str, handler: Handler) -> None:
         """Call ``handler`` with everything that is published under ``key_expression``."""
 
-    def answer(self, key: str, answerer: Callable[[], bytes | None]) -> None:
-        """Answer queries for ``key`` with what ``answerer`` returns; ``None`` is no answer."""
+    def answer(self, key: str, answerer: Answerer) -> None:
+        """Answer queries for ``key`` with what ``answerer(request)`` returns; ``None`` is none."""
 
-    def query(self, key_expression: str, timeout_s: float) -> list[Received]:
-        """Ask everyone who answers under ``key_expression``; return what came in time."""
+    def query(self, key_expression: str, timeout_s: float, request: bytes = b"") -> list[Received]:
+        """Put ``request`` to all who answer under ``key_expression``; return what came in time."""
 
     def declare_alive(self, key: str) -> None:
         """Hold a liveliness token under ``key`` until closed."""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Generic, NamedTuple, Self, TypeVar
 
 from shared.bus.guard import HandlerGuard
-from shared.bus.interface import AliveHandler, BusClosedError, Handler, Received
+from shared.bus.interface import AliveHandler, Answerer, BusClosedError, Handler, Received
 from shared.bus.key_expression import check_key, check_key_expression, matches
 from shared.topics import Priority
 
@@ -28,7 +27,7 @@ class MemoryNetwork:
     def __init__(self) -> None:
         self.lock = threading.RLock()
         self.subscribers: list[_Declared[Handler]] = []
-        self.answerers: list[_Declared[Callable[[], bytes | None]]] = []
+        self.answerers: list[_Declared[Answerer]] = []
         self.watchers: list[_Declared[AliveHandler]] = []
         self.tokens: list[_Declared[None]] = []
 
@@ -69,20 +68,25 @@ class MemoryBus:
         guarded = self._guard.wrap(handler, f"subscriber to {key_expression}")
         self._declare(self._network.subscribers, key_expression, guarded)
 
-    def answer(self, key: str, answerer: Callable[[], bytes | None]) -> None:
-        """Answer queries for ``key`` with what ``answerer`` returns; ``None`` is no answer."""
+    def answer(self, key: str, answerer: Answerer) -> None:
+        """Answer queries for ``key`` with what ``answerer(request)`` returns; ``None`` is none."""
         check_key(key)
         guarded = self._guard.wrap(answerer, f"answerer of {key}")
         self._declare(self._network.answerers, key, guarded)
 
-    def query(self, key_expression: str, timeout_s: float) -> list[Received]:  # noqa: ARG002
-        """Ask everyone who answers under ``key_expression``; none once closed."""
+    def query(
+        self,
+        key_expression: str,
+        timeout_s: float,  # noqa: ARG002
+        request: bytes = b"",
+    ) -> list[Received]:
+        """Put ``request`` to all who answer under ``key_expression``; to none once closed."""
         check_key_expression(key_expression)
         if self._closed:
             return []
         with self._network.lock:
             asked = [a for a in self._network.answerers if matches(key_expression, a.expression)]
-        answers = ((answerer.expression, answerer.handler()) for answerer in asked)
+        answers = ((answerer.expression, answerer.handler(request)) for answerer in asked)
         return [Received(key, payload) for key, payload in answers if payload is not None]
 
     def declare_alive(self, key: str) -> None:

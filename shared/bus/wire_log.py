@@ -10,13 +10,13 @@ key and payload that has the number of frames for its time: without it the file 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, NamedTuple, Self
 
-from shared.bus.interface import AliveHandler, BusClosedError, Handler, Received
+from shared.bus.interface import AliveHandler, Answerer, BusClosedError, Handler, Received
 from shared.bus.key_expression import check_key
 from shared.clock import Clock
 from shared.codec import MAX_PAYLOAD_BYTES
@@ -72,11 +72,11 @@ class WireLogBus:
         """Nobody publishes: ``handler`` is never called."""
         self._refuse_if_closed()
 
-    def answer(self, key: str, answerer: Callable[[], bytes | None]) -> None:
+    def answer(self, key: str, answerer: Answerer) -> None:
         """Nobody asks: ``answerer`` is never called."""
         self._refuse_if_closed()
 
-    def query(self, key_expression: str, timeout_s: float) -> list[Received]:
+    def query(self, key_expression: str, timeout_s: float, request: bytes = b"") -> list[Received]:
         """Nobody answers: return nothing, at once."""
         return []
 

@@ -21,7 +21,7 @@ import structlog
 import zenoh
 
 from shared.bus.guard import HandlerGuard
-from shared.bus.interface import AliveHandler, BusClosedError, Handler, Received
+from shared.bus.interface import AliveHandler, Answerer, BusClosedError, Handler, Received
 from shared.bus.key_expression import check_key, check_key_expression
 from shared.topics import Priority
 
@@ -199,21 +199,21 @@ class ZenohBus:
 
         self._declare(lambda session: session.declare_subscriber(key_expression, receive))
 
-    def answer(self, key: str, answerer: Callable[[], bytes | None]) -> None:
-        """Answer queries for ``key`` with what ``answerer`` returns; ``None`` is no answer."""
+    def answer(self, key: str, answerer: Answerer) -> None:
+        """Answer queries for ``key`` with what ``answerer(request)`` returns; ``None`` is none."""
         check_key(key)
         guarded = self._guard.wrap(answerer, f"answerer of {key}")
 
         def reply(query: zenoh.Query) -> None:
             with query:
-                payload = None if self._closing.is_set() else guarded()
+                payload = None if self._closing.is_set() else guarded(_request(query))
                 if payload is not None:
                     query.reply(key, payload)
 
         self._declare(lambda session: session.declare_queryable(key, reply))
 
-    def query(self, key_expression: str, timeout_s: float) -> list[Received]:
-        """Ask everyone who answers under ``key_expression``; return what came in time.
+    def query(self, key_expression: str, timeout_s: float, request: bytes = b"") -> list[Received]:
+        """Put ``request`` to all who answer under ``key_expression``; return what came in time.
 
         Returns at once where nobody answers; whoever asks again should wait a little.
         """
@@ -223,7 +223,7 @@ class ZenohBus:
             return []
         answers: list[Received] = []
         with suppress(zenoh.ZError):  # closed meanwhile
-            for reply in _ask(session, key_expression, timeout_s):
+            for reply in _ask(session, key_expression, timeout_s, request):
                 if reply.ok is not None:
                     answers.append(Received(str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
                 elif reply.err is not None:
@@ -345,7 +345,7 @@ def _open_router(configuration: zenoh.Config, listen: Sequence[str]) -> zenoh.Se
 
 
 def _ask(
-    session: zenoh.Session, key_expression: str, timeout_s: float
+    session: zenoh.Session, key_expression: str, timeout_s: float, request: bytes
 ) -> zenoh.Handler[zenoh.Reply]:
     """Ask all, and keep every reply: by default Zenoh keeps one for each key."""
     return session.get(
@@ -353,4 +353,9 @@ def _ask(
         target=zenoh.QueryTarget.ALL,
         consolidation=zenoh.ConsolidationMode.NONE,
         timeout=timeout_s,
+        payload=request,
     )
+
+
+def _request(query: zenoh.Query) -> bytes:
+    return b"" if query.payload is None else query.payload.to_bytes()

@@ -119,10 +119,10 @@ def test_a_late_subscriber_hears_nothing_old(connect: Connect) -> None:
 def test_a_query_gathers_all_answers(connect: Connect) -> None:
     asking, first, second = connect(), connect(), connect()
     silent_asked: list[bool] = []
-    first.answer("clew/state/silent", lambda: silent_asked.append(True))
-    first.answer("clew/state/r1", lambda: b"one")
-    second.answer("clew/state/r2", lambda: b"two")
-    second.answer("clew/other", lambda: b"not asked")
+    first.answer("clew/state/silent", lambda _: silent_asked.append(True))
+    first.answer("clew/state/r1", lambda _: b"one")
+    second.answer("clew/state/r2", lambda _: b"two")
+    second.answer("clew/other", lambda _: b"not asked")
     expected = [Received("clew/state/r1", b"one"), Received("clew/state/r2", b"two")]
     wait_for(
         lambda: sorted(asking.query("clew/state/*", timeout_s=5.0)) == expected, "both answers"
@@ -134,8 +134,8 @@ def test_a_query_gathers_all_answers(connect: Connect) -> None:
 
 def test_two_who_answer_under_one_key_are_both_heard(connect: Connect) -> None:
     asking, first, second = connect(), connect(), connect()
-    first.answer("clew/state", lambda: b"one")
-    second.answer("clew/state", lambda: b"two")
+    first.answer("clew/state", lambda _: b"one")
+    second.answer("clew/state", lambda _: b"two")
     expected = [Received("clew/state", b"one"), Received("clew/state", b"two")]
     wait_for(lambda: sorted(asking.query("clew/*", timeout_s=5.0)) == expected, "both answers")
 
@@ -143,11 +143,11 @@ def test_two_who_answer_under_one_key_are_both_heard(connect: Connect) -> None:
 def test_an_answerer_that_fails_is_no_answer(connect: Connect) -> None:
     asking, answering = connect(), connect()
 
-    def fail() -> bytes:
+    def fail(_: bytes) -> bytes:
         raise LookupError("nothing yet")
 
     answering.answer("clew/state/r1", fail)
-    answering.answer("clew/state/r2", lambda: b"two")
+    answering.answer("clew/state/r2", lambda _: b"two")
     with capture_logs():
         wait_for(lambda: asking.query("clew/state/*", timeout_s=5.0), "an answer")
         assert asking.query("clew/state/*", timeout_s=5.0) == [Received("clew/state/r2", b"two")]
@@ -225,7 +225,7 @@ def test_nothing_happens_after_close(connect: Connect) -> None:
     "declare",
     [
         lambda bus: bus.subscribe("clew/x", print),
-        lambda bus: bus.answer("clew/x", bytes),
+        lambda bus: bus.answer("clew/x", lambda _: None),
         lambda bus: bus.declare_alive("clew/x"),
         lambda bus: bus.watch_alive("clew/x", print),
     ],

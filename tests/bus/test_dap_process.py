@@ -66,7 +66,7 @@ def test_started_before_the_post_it_takes_part_to_the_end() -> None:
             event_time_ns=START_NS, sequence=0, scenario="stairwell", seed=SEED, speed=1.0
         )
         # Long since started: all of it is due at once.
-        post.answer("clew/v1/test/post/launcher/exercise", lambda: encode(start))
+        post.answer("clew/v1/test/post/launcher/exercise", lambda _: encode(start))
         assert process.wait(DEADLINE_S) == 0
         wait_for(lambda: alive[1:] == [(TOKEN, False)], "the token to go")
         wait_for(lambda: phases_of(heard)[-1:] == ["left"], "the last stay to end")

@@ -52,7 +52,7 @@ def test_a_client_may_start_before_its_router(opened: ExitStack) -> None:
     client = ZenohBus("client", [endpoint], [])
     heard: list[Received] = []
     client.subscribe("clew/down", heard.append)
-    client.answer("clew/state", lambda: b"here")
+    client.answer("clew/state", lambda _: b"here")
     client.declare_alive("clew/alive")
     client.publish("clew/up", b"unheard")
     assert client.unsent == 1
@@ -81,7 +81,7 @@ def test_a_client_is_back_after_its_router_restarts(opened: ExitStack) -> None:
     far.subscribe("clew/x", lambda received: heard.append(received.payload))
     far.watch_alive("clew/**", lambda key, is_alive: alive.append((key, is_alive)))
     near.declare_alive("clew/near")
-    near.answer("clew/state", lambda: b"here")
+    near.answer("clew/state", lambda _: b"here")
     settle(near, far)
     near.publish("clew/x", b"before")
     wait_for(lambda: heard == [b"before"] and alive == [("clew/near", True)], "the first router")
@@ -112,7 +112,7 @@ def test_a_chain_of_routers_in_any_start_order(opened: ExitStack, order: tuple[s
     heard: dict[str, list[bytes]] = {"post": [], "agent": []}
     post.subscribe("clew/up", lambda received: heard["post"].append(received.payload))
     agent.subscribe("clew/down", lambda received: heard["agent"].append(received.payload))
-    agent.answer("clew/state", lambda: b"inside")
+    agent.answer("clew/state", lambda _: b"inside")
     alive: list[tuple[str, bool]] = []
     post.watch_alive("clew/**", lambda key, is_alive: alive.append((key, is_alive)))
     agent.declare_alive("clew/agent")
@@ -180,7 +180,7 @@ mode, endpoint = sys.argv[1:]
 ends = {"connect": [endpoint]} if mode == "client" else {"listen": [endpoint]}
 with stop_on_signals() as stop, open_zenoh(mode, **ends) as bus:
     bus.subscribe("clew/**", lambda received: None)
-    bus.answer("clew/state", lambda: b"here")
+    bus.answer("clew/state", lambda _: b"here")
     bus.declare_alive("clew/node")
     bus.watch_alive("clew/**", lambda key, alive: None)
     print("ready", flush=True)

@@ -37,6 +37,11 @@ WIRE_FIELDS = {
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
     "heading_sd_rad last_proximity_time_ns down_sd_m regions_m floors status reason",
     "dap_place": "event_time_ns sequence dap_id position",
+    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock_offset_ns "
+    "clock_uncertainty_ns",
+    "receipt": "event_time_ns sequence safe",
+    "order": "event_time_ns sequence kind to text",
+    "order_reply": "event_time_ns sequence post_id order_sequence stage",
     "exercise": "event_time_ns sequence scenario seed speed",
     "truth": "event_time_ns sequence north_m east_m down_m",
 }

@@ -119,7 +119,7 @@ def test_whoever_comes_is_asked_for_what_was_missed(tmp_path: Path) -> None:
     said: list[Received] = []
     with serving(MemoryNetwork(), tmp_path / "a.mcap") as (other, _, _shown):
         other.subscribe(key("track", "post", "p"), said.append)
-        other.answer(key("start"), start)
+        other.answer(key("start"), lambda _: start())
         other.declare_alive(alive_key("fire", "responder", "r1"))
         wait_for(lambda: said, "a track from the answered start")
     assert "responder/r1/start" in recorded_keys(tmp_path / "a.mcap")

@@ -102,7 +102,7 @@ def test_every_topic_has_a_sample_here() -> None:
     }
 
 
-@pytest.mark.parametrize("name", list(TOPICS))
+@pytest.mark.parametrize("name", [name for name in TOPICS if TOPICS[name].recorded])
 def test_the_schema_tells_other_languages_what_is_on_the_wire(name: str, tmp_path: Path) -> None:
     key = key_of(TOPICS[name].roles[0], "x1", name)
     path = written(tmp_path / "a.mcap", [recorded(key, encode(one_of_each()[name]))])

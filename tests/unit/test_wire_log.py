@@ -107,7 +107,7 @@ def test_any_bytes_are_read_or_refused(
 def test_nobody_else_is_there(tmp_path: Path) -> None:
     with WireLogBus(tmp_path / "r1.wire", ManualClock()) as bus:
         bus.subscribe("clew/**", lambda received: pytest.fail(received.key))
-        bus.answer("clew/x", lambda: pytest.fail("asked"))
+        bus.answer("clew/x", lambda _: pytest.fail("asked"))
         bus.watch_alive("clew/**", lambda key, alive: pytest.fail(f"{key} {alive}"))
         bus.declare_alive("clew/alive")
         bus.publish("clew/x", b"1")

@@ -1,0 +1,157 @@
+"""The gate: who may come in, and each but once (pure).
+
+What is heard passes here before anybody acts on it: at the post before it is recorded and fused,
+at an agent before an order is heeded. Whoever refills what was missed asks here what is missing.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Literal, NamedTuple, Protocol, TypeAlias
+
+from shared.codec import MAX_PAYLOAD_BYTES, Refusal, decode, parse_key
+from shared.messages import Beat
+from shared.received_numbers import Hole, ReceivedNumbers
+from shared.seal import Seal, read_seal
+from shared.topics import TOPICS, Key, Role
+
+MOST_RUNS = 16_384
+"""Runs that are remembered, of all nodes together."""
+
+MOST_LIVE_RUNS = 64
+"""Runs of one key that are remembered as past, where nothing is journalled."""
+
+Turned: TypeAlias = Literal[
+    "repeated", "replayed", "unsealed", "unsigned", "unknown_signer", "forged", "too_many_runs"
+]
+"""Why something did not come in.
+
+``repeated`` came before, as refilled messages may; ``replayed`` is older than what its sender has
+said since; ``unknown_signer`` may be known later, and is then refilled.
+"""
+
+
+class Verifier(Protocol):
+    """Knows the nodes' keys."""
+
+    def verdict(self, key: Key, key_text: str, seal: Seal, /) -> Turned | None:
+        """Say why ``seal`` does not show that the node of ``key`` said it; ``None`` if it does."""
+
+
+class JournalRun(NamedTuple):
+    """A journal's run of numbers: whose, and which."""
+
+    role: Role
+    node_id: str
+    run: bytes
+
+
+class Missing(NamedTuple):
+    """What has not come of a journal, and is kept there."""
+
+    journal: JournalRun
+    hole: Hole
+
+
+class Gate:
+    """Lets each message in once. ``turned`` counts what was not, by reason and node.
+
+    Without a ``verifier`` anybody is believed, and what has no seal at all is let in as it comes:
+    that is for one machine. With one, all must be sealed and signed.
+
+    What ``parse_key`` refuses is none of the gate's business: it is let in, to be refused where it
+    is counted as what it is.
+    """
+
+    def __init__(self, verifier: Verifier | None = None) -> None:
+        self._verifier = verifier
+        self._journals: dict[JournalRun, ReceivedNumbers] = {}
+        self._live: dict[str, _LiveRuns] = {}
+        self.turned: Counter[tuple[Turned, str]] = Counter()
+        self.gone: Counter[JournalRun] = Counter()
+        """How many messages of a journal are known to be lost for good."""
+
+    def admit(self, key_text: str, payload: bytes) -> Turned | None:
+        """Take in bytes heard under ``key_text``; return why they are turned away, if so."""
+        key = parse_key(key_text)
+        if isinstance(key, Refusal) or len(payload) > MAX_PAYLOAD_BYTES:
+            return None
+        why = self._judge(key, key_text, payload)
+        if why is not None:
+            self.turned[why, key.node_id] += 1
+        return why
+
+    def journal(self, journal: JournalRun) -> ReceivedNumbers | None:
+        """Return what has come of a journal; ``None`` if nothing is known of it."""
+        return self._journals.get(journal)
+
+    def journals(self) -> Iterator[tuple[JournalRun, ReceivedNumbers]]:
+        """Yield each journal heard of, and what has come of it."""
+        yield from self._journals.items()
+
+    def missing(self) -> list[Missing]:
+        """Return the lowest hole of every journal that has one."""
+        lowest = ((journal, next(each.holes(), None)) for journal, each in self._journals.items())
+        return [Missing(journal, hole) for journal, hole in lowest if hole is not None]
+
+    def _judge(self, key: Key, key_text: str, payload: bytes) -> Turned | None:
+        seal = read_seal(payload)
+        if seal is None:
+            return None if self._verifier is None else "unsealed"
+        if self._verifier is not None:
+            if seal.signature is None:
+                return "unsigned"
+            why = self._verifier.verdict(key, key_text, seal)
+            if why is not None:
+                return why
+        if TOPICS[key.topic].journalled:
+            return self._take_journalled(key, seal)
+        why = self._live.setdefault(key_text, _LiveRuns()).take(seal)
+        if why is None and key.topic == "beat":
+            self._heed(key, payload)
+        return why
+
+    def _take_journalled(self, key: Key, seal: Seal) -> Turned | None:
+        numbers = self._numbers(JournalRun(key.role, key.node_id, seal.run))
+        if numbers is None:
+            return "too_many_runs"
+        return None if numbers.take(seal.number) else "repeated"
+
+    def _heed(self, key: Key, payload: bytes) -> None:
+        beat = decode(key, payload)
+        if isinstance(beat, Beat):
+            journal = JournalRun(key.role, key.node_id, bytes.fromhex(beat.run))
+            numbers = self._numbers(journal)
+            if numbers is not None:
+                self.gone[journal] += numbers.give_up(min(beat.kept_from, beat.last_number + 1))
+                numbers.exist(beat.last_number)
+
+    def _numbers(self, journal: JournalRun) -> ReceivedNumbers | None:
+        numbers = self._journals.get(journal)
+        if numbers is None and len(self._journals) < MOST_RUNS:
+            numbers = self._journals[journal] = ReceivedNumbers()
+        return numbers
+
+
+class _LiveRuns:
+    """What is kept nowhere: within a run its numbers rise, and a run once left is past."""
+
+    def __init__(self) -> None:
+        self._run = b""
+        self._number = 0
+        self._past: dict[bytes, None] = {}
+
+    def take(self, seal: Seal) -> Turned | None:
+        if seal.run != self._run:
+            if seal.run in self._past:
+                return "replayed"
+            if self._run:
+                self._past[self._run] = None
+            if len(self._past) > MOST_LIVE_RUNS:
+                del self._past[next(iter(self._past))]
+            self._run, self._number = seal.run, 0
+        if seal.number <= self._number:
+            return "repeated" if seal.number == self._number else "replayed"
+        self._number = seal.number
+        return None

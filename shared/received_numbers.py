@@ -1,0 +1,79 @@
+"""Which numbers of each run have come: what is new, what is a repeat, what is missing (pure)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+MOST_BEYOND = 100_000
+"""Numbers beyond a hole that are remembered one by one; further ones wait until it is filled."""
+
+
+class Hole(NamedTuple):
+    """Numbers of a run that have not come, from ``first`` to ``last``."""
+
+    first: int
+    last: int
+
+
+class ReceivedNumbers:
+    """The numbers of one run that have come, in any order and any number of times each.
+
+    All up to ``up_to`` have come, or are known to be gone for good (``give_up``); so many beyond it
+    stand alone. ``highest`` is the highest that is known to exist.
+    """
+
+    def __init__(self, up_to: int = 0) -> None:
+        self.up_to = up_to
+        self.highest = up_to
+        self._beyond: set[int] = set()
+
+    def is_new(self, number: int) -> bool:
+        """Say whether ``number`` has not come yet, and could be taken."""
+        known = number <= self.up_to or number in self._beyond
+        return not known and len(self._beyond) < MOST_BEYOND
+
+    def take(self, number: int) -> bool:
+        """Take ``number`` in; say whether it is new."""
+        if not self.is_new(number):
+            return False
+        self._beyond.add(number)
+        self.highest = max(self.highest, number)
+        self._close_up()
+        return True
+
+    def exist(self, number: int) -> None:
+        """Note that the run goes on up to ``number`` at least."""
+        self.highest = max(self.highest, number)
+
+    def give_up(self, before: int) -> int:
+        """Wait no longer for numbers below ``before``; return how many are missing for good."""
+        if before <= self.up_to + 1:
+            return 0
+        had = sum(number < before for number in self._beyond)
+        missing = before - 1 - self.up_to - had
+        self._beyond = {number for number in self._beyond if number >= before}
+        self.up_to = before - 1
+        self.highest = max(self.highest, self.up_to)
+        self._close_up()
+        return missing
+
+    def holes(self) -> Iterator[Hole]:
+        """Yield what is missing up to ``highest``, lowest first."""
+        first = self.up_to + 1
+        for number in sorted(self._beyond):
+            if number > first:
+                yield Hole(first, number - 1)
+            first = number + 1
+        if first <= self.highest:
+            yield Hole(first, self.highest)
+
+    @property
+    def missing(self) -> int:
+        """How many are missing up to ``highest``."""
+        return self.highest - self.up_to - len(self._beyond)
+
+    def _close_up(self) -> None:
+        while self.up_to + 1 in self._beyond:
+            self.up_to += 1
+            self._beyond.discard(self.up_to)

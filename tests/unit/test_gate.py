@@ -1,0 +1,101 @@
+"""The gate lets each message in once, and only whose word it is."""
+
+from __future__ import annotations
+
+from shared.codec import encode
+from shared.gate import Gate, JournalRun, Turned
+from shared.messages import Beat, Message, NodeHealth
+from shared.received_numbers import Hole
+from shared.seal import Seal, sealed
+from shared.sender import Unkept
+from shared.topics import TOPICS, Key
+from tests.traffic import increment
+
+RUN, LATER_RUN = b"first run"[:8], b"laterrun"
+INCREMENT = "clew/v1/fire/responder/r1/increment"
+HEALTH = "clew/v1/fire/responder/r1/health"
+BEAT = "clew/v1/fire/responder/r1/beat"
+
+
+def stride_of(number: int) -> bytes:
+    return encode(increment(number))
+
+
+def health() -> bytes:
+    return encode(NodeHealth(event_time_ns=1, sequence=0, level="ok", findings=()))
+
+
+def beat(last: int, kept_from: int = 1) -> Message:
+    return Beat(
+        event_time_ns=1,
+        sequence=0,
+        run=RUN.hex(),
+        last_number=last,
+        kept_from=kept_from,
+        acknowledged=0,
+        clock_offset_ns=None,
+        clock_uncertainty_ns=None,
+    )
+
+
+def test_a_journalled_message_comes_in_once_in_any_order() -> None:
+    gate = Gate()
+    came = [gate.admit(INCREMENT, sealed(stride_of(n), RUN, n)) for n in (1, 3, 2, 3, 1)]
+    assert came == [None, None, None, "repeated", "repeated"]
+    assert gate.turned == {("repeated", "r1"): 2}
+
+
+def test_a_new_journal_counts_anew() -> None:
+    gate = Gate()
+    assert gate.admit(INCREMENT, sealed(stride_of(0), RUN, 1)) is None
+    assert gate.admit(INCREMENT, sealed(stride_of(0), LATER_RUN, 1)) is None
+    assert gate.admit(INCREMENT, sealed(stride_of(0), RUN, 1)) == "repeated"
+
+
+def test_a_beat_tells_what_is_missing_and_what_is_gone() -> None:
+    gate, outbox = Gate(), Unkept(run=LATER_RUN)
+    gate.admit(INCREMENT, sealed(stride_of(0), RUN, 4))
+    gate.admit(BEAT, outbox.seal(TOPICS["beat"], BEAT, encode(beat(6))))
+    journal = JournalRun("responder", "r1", RUN)
+    assert gate.missing() == [(journal, Hole(1, 3))]
+    gate.admit(BEAT, outbox.seal(TOPICS["beat"], BEAT, encode(beat(6, kept_from=3))))
+    assert gate.missing() == [(journal, Hole(3, 3))]
+    assert gate.gone[journal] == 2
+
+
+def test_what_is_not_kept_must_not_be_said_again() -> None:
+    gate = Gate()
+    said = [(RUN, 1), (RUN, 2), (RUN, 1), (RUN, 2), (LATER_RUN, 1), (RUN, 3), (LATER_RUN, 2)]
+    came = [gate.admit(HEALTH, sealed(health(), run, number)) for run, number in said]
+    assert came == [None, None, "replayed", "repeated", None, "replayed", None]
+
+
+class _Knows:
+    """Knows one signature."""
+
+    def verdict(self, _key: Key, _key_text: str, seal: Seal) -> Turned | None:
+        return None if seal.signature == b"s" * 64 else "forged"
+
+
+def test_where_keys_are_known_all_must_be_signed() -> None:
+    gate = Gate(_Knows())
+    whole = Unkept(lambda _: b"s" * 64, RUN).seal(TOPICS["health"], HEALTH, health())
+    altered = whole[:-1] + b"t"
+    tries = [health(), sealed(health(), RUN, 1), altered, whole]
+    assert [gate.admit(HEALTH, each) for each in tries] == ["unsealed", "unsigned", "forged", None]
+    assert gate.turned.total() == 3
+
+
+def test_forged_numbers_do_not_use_up_the_true_ones() -> None:
+    gate = Gate(_Knows())
+    sign_badly, sign_well = (lambda _: b"t" * 64), (lambda _: b"s" * 64)
+    forged = Unkept(sign_badly, RUN).seal(TOPICS["increment"], INCREMENT, stride_of(1))
+    true = Unkept(sign_well, RUN).seal(TOPICS["increment"], INCREMENT, stride_of(1))
+    assert gate.admit(INCREMENT, forged) == "forged"
+    assert gate.admit(INCREMENT, true) is None
+
+
+def test_what_is_no_key_of_ours_is_left_to_whoever_counts_it() -> None:
+    gate = Gate(_Knows())
+    assert gate.admit("clew/v1/fire/responder/r1/weather", b"rain") is None
+    assert gate.turned.total() == 0
