@@ -10,11 +10,10 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from shared.maths.angles import wrap_rad
+from shared.maths.angles import nearest_right_angle_rad, wrap_rad
 
 Coordinate: TypeAlias = Annotated[float, Meta(ge=-1e5, le=1e5)]
 
-HALF_PI = math.pi / 2.0
 ALONG_RAD = math.radians(5.0)
 LEAST_SHARE = 0.7
 
@@ -53,7 +52,7 @@ def axis_of(walls: Sequence[Wall]) -> float | None:
     length_m = np.array([wall.length_m for wall in walls])
     direction_rad = np.array([wall.direction_rad for wall in walls])
     off_rad = direction_rad[:, None] - direction_rad[None, :]
-    off_rad -= HALF_PI * np.round(off_rad / HALF_PI)
+    off_rad -= nearest_right_angle_rad(off_rad)
     near = np.abs(off_rad) < ALONG_RAD
     suited_m = length_m @ near
     best = int(np.argmax(suited_m))
@@ -62,4 +61,4 @@ def axis_of(walls: Sequence[Wall]) -> float | None:
     own = near[:, best]
     mean_rad = float(np.average(off_rad[own, best], weights=length_m[own]))
     axis_rad = float(direction_rad[best]) + mean_rad
-    return wrap_rad(axis_rad - HALF_PI * round(axis_rad / HALF_PI))
+    return wrap_rad(axis_rad - nearest_right_angle_rad(axis_rad))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.compiled import compiled
+from shared.maths.angles import nearest_right_angle_rad
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -24,6 +25,8 @@ _HALF_PI_LOW = 2.0222662487959506e-21
 _TWO_OVER_PI = 2.0 / math.pi
 _LN_2_HIGH = 6.93147180369123816490e-01
 _LN_2_LOW = 1.90821492927058770002e-10
+
+nearest_right_angle = compiled(nearest_right_angle_rad)
 
 
 @compiled

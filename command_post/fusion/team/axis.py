@@ -10,14 +10,14 @@ from collections.abc import Collection
 
 import numpy as np
 
-from command_post.fusion.team.arithmetic import logarithm
+from command_post.fusion.team.arithmetic import logarithm, nearest_right_angle
 from command_post.fusion.team.assembly import Assembled
 from command_post.fusion.team.chain import straight_moves
 from command_post.fusion.team.log import Floats
 from command_post.fusion.team.settings import TeamSettings
 from shared.compiled import compiled
+from shared.maths.angles import HALF_PI, nearest_right_angle_rad
 
-HALF_PI = math.pi / 2.0
 AXIS_GRID = 45
 ALONG_RAD = math.radians(10.0)
 """A move along an axis is off it by no more."""
@@ -55,7 +55,7 @@ def _cauchy_cost(directions_rad: Floats, axis_rad: float, sd_rad: float) -> floa
     cost = 0.0
     for direction_rad in directions_rad:
         off_rad = direction_rad - axis_rad
-        off = (off_rad - HALF_PI * np.round(off_rad / HALF_PI)) / sd_rad
+        off = (off_rad - nearest_right_angle(off_rad)) / sd_rad
         cost += logarithm(1.0 + off * off)
     return cost
 
@@ -75,4 +75,4 @@ def share_along(several_rad: Collection[Floats], sd_rad: float) -> float:
 
 def _off_rad(directions_rad: Floats, axis_rad: float) -> Floats:
     off_rad = directions_rad - axis_rad
-    return np.asarray(off_rad - HALF_PI * np.round(off_rad / HALF_PI))
+    return off_rad - nearest_right_angle_rad(off_rad)

@@ -8,14 +8,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from command_post.fusion.team.arithmetic import logarithm, rotated
+from command_post.fusion.team.arithmetic import logarithm, nearest_right_angle, rotated
 from command_post.fusion.team.graph import AXIS, FIRST_UNIT, LEAD, PLACE_DOF, TURN_DOF, Graph
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
-
-HALF_PI = math.pi / 2.0
 
 
 class System(NamedTuple):
@@ -259,7 +257,7 @@ def _add_straights(graph: Graph, pose: Floats, arrow: Floats, system: System) ->
         c = a + 1
         direction_rad, sd_rad = graph.straight[row]
         off_rad = 0.5 * (pose[a, 2] + pose[c, 2]) + direction_rad - arrow[AXIS]
-        off_rad -= HALF_PI * math.floor(off_rad / HALF_PI + 0.5)
+        off_rad -= nearest_right_angle(off_rad)
         weight, penalty = _robust((off_rad / sd_rad) ** 2, 1.0, 1.0)
         cost += penalty
         k = weight / (sd_rad * sd_rad)

@@ -14,7 +14,7 @@ from command_post.fusion.team.assembly import (
     AxisBelief,
     assemble,
 )
-from command_post.fusion.team.axis import HALF_PI, directions, likely_axis, share_along
+from command_post.fusion.team.axis import directions, likely_axis, share_along
 from command_post.fusion.team.chain import turn_known
 from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.graph import AXIS
@@ -24,6 +24,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_scale
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
+from shared.maths.angles import nearest_right_angle_rad
 from shared.units import NS_PER_S
 
 KNOWN_TURNS_RAD = tuple(math.radians(each) for each in (-60.0, -30.0, 30.0, 60.0))
@@ -83,7 +84,7 @@ def _begun(
         arrow[AXIS] = belief.axis_rad
     elif belief.mode == "given":
         # An axis is one with those at right angles to it: ways are turned to the nearest.
-        arrow[AXIS] -= HALF_PI * round((float(arrow[AXIS]) - belief.axis_rad) / HALF_PI)
+        arrow[AXIS] -= nearest_right_angle_rad(float(arrow[AXIS]) - belief.axis_rad)
     return solved_from(assembled, pose, arrow, belief, settings, iterations)
 
 
@@ -183,7 +184,7 @@ def _may_be_planned(free: Solved, held: AxisBelief, settings: TeamSettings) -> b
     if held.mode == "given" and held.axis_rad == settings.planned_axis_rad:
         most_off *= 2.0
     off_rad = float(free.arrow[AXIS]) - settings.planned_axis_rad
-    off_rad -= HALF_PI * round(off_rad / HALF_PI)
+    off_rad -= nearest_right_angle_rad(off_rad)
     found_rad2 = float(free.shared[AXIS, AXIS]) + settings.axis_sd_rad**2
     return off_rad**2 < most_off**2 * found_rad2
 
