@@ -1,0 +1,1 @@
+"""What must hold when links, disks, clocks and people fail."""
