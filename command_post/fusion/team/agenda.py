@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from command_post.fusion.team.commits import Commits
@@ -11,23 +12,32 @@ from command_post.fusion.team.crews import Crew, Crews
 from command_post.fusion.team.settings import TeamSettings
 from shared.units import NS_PER_S
 
+BUSY_SHARE = 0.7
+"""Of a period, that its ticks share among them."""
+
 
 class Due(NamedTuple):
-    """A crew that is to be solved, and as of when."""
+    """A crew that is to be solved at ``at_ns``, as of ``time_ns``."""
 
+    at_ns: int
     time_ns: int
     crew: Crew
 
 
 class _Plan(NamedTuple):
-    """All ticks of a period's crews, by time."""
+    """All ticks of a period's crews, by when they are to be made."""
 
     crews: Crews
     ticks: list[Due]
 
 
 class Agenda:
-    """The ticks of all crews: spread over time, and the rarer the more responders there are."""
+    """The ticks of all crews: spread over time, and the rarer the more responders there are.
+
+    As of when a crew is solved is its own matter, so that no late word of others moves it. Where
+    many crews' times are near each other they are solved one after another with a while between, in
+    which what was heard meanwhile is answered: nobody waits for more than one crew's solution.
+    """
 
     def __init__(self, commits: Commits, settings: TeamSettings) -> None:
         self._commits = commits
@@ -35,8 +45,9 @@ class Agenda:
         self._tick_ns = round(settings.tick_s * NS_PER_S)
         self._period_ns = round(settings.commit_s * NS_PER_S)
         self._plans: dict[int, _Plan] = {}
-        self._until_ns = -1
         self._next_ns = 0
+        self.until_ns = -1
+        """Until when it has been asked."""
 
     def ask_again(self) -> None:
         """Look anew at who is due, for the crews may have changed."""
@@ -51,31 +62,31 @@ class Agenda:
         crews = self._commits.crews(number)
         if crews.is_everybody:
             due_ns = last_ns // self._tick_ns * self._tick_ns
-            due = [Due(due_ns, crews.crews[0])] if due_ns > self._until_ns else []
+            due = [Due(due_ns, due_ns, crews.crews[0])] if due_ns > self.until_ns else []
             self._next_ns = due_ns + self._tick_ns
         else:
             due = self._due(number, last_ns)
             due = self._due_before_that(number, due) + due
             ticks = self._plan(number).ticks
-            at = bisect_right(ticks, last_ns, key=_time_ns)
+            at = bisect_right(ticks, last_ns, key=_at_ns)
             self._next_ns = (
-                ticks[at].time_ns if at < len(ticks) else self._commits.begin_ns(number + 1)
+                ticks[at].at_ns if at < len(ticks) else self._commits.begin_ns(number + 1)
             )
-        self._until_ns = max(self._until_ns, last_ns)
+        self.until_ns = max(self.until_ns, last_ns)
         return due
 
     def _due(self, number: int, last_ns: int) -> list[Due]:
         """Return each crew's last tick of a period until then, as far as not told before."""
         ticks = self._plan(number).ticks
-        first, end = (bisect_right(ticks, each, key=_time_ns) for each in (self._until_ns, last_ns))
+        first, end = (bisect_right(ticks, each, key=_at_ns) for each in (self.until_ns, last_ns))
         return sorted({due.crew.leader: due for due in ticks[first:end]}.values())
 
     def _due_before_that(self, number: int, due: list[Due]) -> list[Due]:
         """Return who was still due in the period before, and is not again in this one."""
         begin_ns = self._commits.begin_ns(number)
-        if self._until_ns >= begin_ns - 1:
+        if self.until_ns >= begin_ns - 1:
             return []
-        again = {member for _, crew in due for member in crew.members}
+        again = {member for _, _, crew in due for member in crew.members}
         before = self._due(number - 1, begin_ns - 1)
         return [each for each in before if not again.issuperset(each.crew.members)]
 
@@ -84,12 +95,12 @@ class Agenda:
         plan = self._plans.get(number)
         if plan is None or plan.crews is not crews:
             begin_ns = self._commits.begin_ns(number)
-            ticks = [
-                Due(time_ns, crew)
+            ticks = sorted(
+                (time_ns, crew)
                 for crew in crews.crews
                 for time_ns in self._ticks(crew, crews.responders, begin_ns)
-            ]
-            plan = self._plans[number] = _Plan(crews, sorted(ticks))
+            )
+            plan = self._plans[number] = _Plan(crews, list(self._one_by_one(ticks, begin_ns)))
             self._plans = {n: each for n, each in self._plans.items() if n >= number - 1}
         return plan
 
@@ -102,6 +113,18 @@ class Agenda:
         tick_ns = min(tick_ns, self._period_ns)
         return range(begin_ns + crew.phase_ns % tick_ns, begin_ns + self._period_ns, tick_ns)
 
+    def _one_by_one(self, ticks: list[tuple[int, Crew]], begin_ns: int) -> Iterator[Due]:
+        """Yield ticks in their order, each once the one before has had its share of the time.
 
-def _time_ns(due: Due) -> int:
-    return due.time_ns
+        That goes by how many it solves, all ticks together having ``BUSY_SHARE`` of the period.
+        """
+        members = max(sum(len(crew.members) for _, crew in ticks), 1)
+        free_ns, last_ns = begin_ns, begin_ns + self._period_ns - 1
+        for time_ns, crew in ticks:
+            at_ns = min(max(time_ns, free_ns), last_ns)
+            yield Due(at_ns, time_ns, crew)
+            free_ns = at_ns + round(BUSY_SHARE * self._period_ns * len(crew.members) / members)
+
+
+def _at_ns(due: Due) -> int:
+    return due.at_ns

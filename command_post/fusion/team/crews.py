@@ -20,6 +20,7 @@ EVERYBODY = ""
 """The leader's name of a team so small that it is solved as one."""
 
 HASHES = 2**32
+PHASES = 15.0 / 16.0
 
 _Key = TypeVar("_Key")
 
@@ -27,11 +28,11 @@ _Key = TypeVar("_Key")
 class Crew(NamedTuple):
     """Responders who are solved together, by id, and at which point of each commit's period.
 
-    ``leader`` is the one who began first, ``rank`` the place of that in the order of beginning.
+    ``leader`` is the one who began first, at ``began_ns``: what becomes of others changes neither.
     """
 
     leader: str
-    rank: int
+    began_ns: int
     members: tuple[str, ...]
     phase_ns: int
 
@@ -39,6 +40,11 @@ class Crew(NamedTuple):
     def is_everybody(self) -> bool:
         """Whether these are all there are."""
         return self.leader == EVERYBODY
+
+    @property
+    def rank(self) -> tuple[int, str]:
+        """What crews are ordered by: who began first."""
+        return self.began_ns, self.leader
 
 
 class Crews(NamedTuple):
@@ -150,8 +156,13 @@ def crews_at(
         if not any(union.unite(who, other) for other in others):
             others.append(who)
     crews = tuple(
-        Crew(members[0], rank, tuple(sorted(members)), _phase_ns(members[0], settings))
-        for rank, members in enumerate(union.groups())
+        Crew(
+            members[0],
+            bonds.began_ns[members[0]],
+            tuple(sorted(members)),
+            _phase_ns(members[0], settings),
+        )
+        for members in union.groups()
     )
     leader_of = {member: crew.leader for crew in crews for member in crew.members}
     owner = {
@@ -189,9 +200,12 @@ def _shared(
 
 
 def _phase_ns(leader: str, settings: TeamSettings) -> int:
-    """Return when a crew is solved within each period: spread evenly by a hash of its name."""
+    """Return as of when a crew is solved within each period: spread by a hash of its name.
+
+    Not in the last of it, so that those who had to wait for others are solved within it too.
+    """
     digest = hashlib.blake2b(leader.encode(), digest_size=4).digest()
-    return int.from_bytes(digest) * round(settings.commit_s * NS_PER_S) // HASHES
+    return int.from_bytes(digest) * round(PHASES * settings.commit_s * NS_PER_S) // HASHES
 
 
 class _Union:
@@ -262,6 +276,6 @@ def daps_of_earlier(bonds: Bonds, crews: Crews, crew: Crew, until_ns: int) -> li
     """
     if crew.is_everybody:
         return []
-    earlier = {each.leader for each in crews.crews[: crew.rank]}
+    earlier = {each.leader for each in crews.crews if each.rank < crew.rank}
     passed = bonds.daps_passed(crew, until_ns)
     return sorted(dap_id for dap_id in passed if crews.owner.get(dap_id) in earlier)

@@ -15,7 +15,7 @@ from command_post.fusion.team.log import (
 )
 from shared.messages import OdometryIncrement
 
-VERSION = 1
+VERSION = 2
 
 
 class _SavedResponder(msgspec.Struct):
@@ -32,14 +32,14 @@ class _SavedResponder(msgspec.Struct):
 
 class _Saved(msgspec.Struct):
     version: int
-    solved_ns: int
+    ticked_ns: int
     responders: dict[str, _SavedResponder]
     daps: dict[str, list[Installed]]
     dap_heights: dict[str, list[Height]]
 
 
-def saved_log(log: TeamLog, solved_ns: int) -> bytes:
-    """Return all that was heard, and until when it had been solved, as bytes."""
+def saved_log(log: TeamLog, ticked_ns: int) -> bytes:
+    """Return all that was heard, and until when ticks had been made, as bytes."""
     responders = {
         name: _SavedResponder(
             each.starts, each.moves.messages(), each.peaks, each.nears, each.contacts,
@@ -47,7 +47,7 @@ def saved_log(log: TeamLog, solved_ns: int) -> bytes:
         )
         for name, each in log.responders.items()
     }  # fmt: skip
-    saved = _Saved(VERSION, solved_ns, responders, log.daps, log.dap_heights)
+    saved = _Saved(VERSION, ticked_ns, responders, log.daps, log.dap_heights)
     return msgspec.msgpack.encode(saved)
 
 
@@ -68,4 +68,4 @@ def loaded_log(saved: bytes) -> tuple[TeamLog, int]:
         )  # fmt: skip
         for move in each.moves:
             of_one.moves.add(move)
-    return log, told.solved_ns
+    return log, told.ticked_ns

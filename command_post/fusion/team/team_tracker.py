@@ -204,7 +204,7 @@ class TeamTracker:
 
     def save(self) -> bytes:
         """Return bytes from which ``load`` makes a tracker that goes on as this one would."""
-        return saved_log(self._log, self._solved_ns)
+        return saved_log(self._log, self._agenda.until_ns)
 
     @classmethod
     def load(cls, saved: bytes, settings: TeamSettings) -> TeamTracker:
@@ -213,12 +213,12 @@ class TeamTracker:
         What had been heard is kept, and the solutions are made of it again.
         """
         tracker = cls(settings)
-        log, solved_ns = loaded_log(saved)
+        log, ticked_ns = loaded_log(saved)
         tracker._begin(log)
         for time_ns in log.times_ns():
             tracker._commits.note(time_ns)
-        if solved_ns >= 0:
-            tracker._tick(solved_ns + 1)
+        if ticked_ns >= 0:
+            tracker._tick(ticked_ns + 1)
         for responder_id, own in log.responders.items():
             kept_ns = tracker._kept_ns.get(responder_id, -1)
             if own.moves.after(kept_ns).end_ns.size or (own.starts and kept_ns < 0):
@@ -287,7 +287,7 @@ class TeamTracker:
     def _tick(self, time_ns: int) -> None:
         """Solve each crew at its last tick before ``time_ns``, unless that is done."""
         if self._log.responders:
-            for due_ns, crew in self._agenda.due_before(time_ns):
+            for _, due_ns, crew in self._agenda.due_before(time_ns):
                 self._solve(crew, due_ns)
 
     def _solve(self, crew: Crew, due_ns: int) -> None:
