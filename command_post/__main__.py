@@ -5,6 +5,7 @@ from __future__ import annotations
 from cyclopts import App
 
 from command_post.commands.afterwards import afterwards
+from command_post.commands.keys import keys
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, plan, rehearse
 from command_post.commands.orders import click, floor
@@ -33,6 +34,7 @@ app.command(montecarlo)
 app.command(plan)
 app.command(proof)
 app.command(prepare)
+app.command(keys)
 
 
 def main() -> None:
