@@ -18,6 +18,10 @@ class FolderHeldError(RuntimeError):
     """A folder is in use. The text names it."""
 
 
+class FileHeldError(RuntimeError):
+    """A file is in use. The text names it."""
+
+
 @contextmanager
 def replace_atomically(path: Path) -> Iterator[BinaryIO]:
     """Open a new file that takes the place of ``path`` when the block ends without an error.
@@ -46,15 +50,37 @@ def held_alone(folder: Path) -> Iterator[None]:
     However the process ends, it holds the folder no longer: the hidden ``.held`` that stays in it
     means nothing. Where files cannot be locked (Windows), nobody is kept out.
     """
-    if sys.platform == "win32":
+    with _locked(folder / ".held") as is_free:
+        if not is_free:
+            raise FolderHeldError(f"{folder}: another process is at work there")
         yield
+
+
+@contextmanager
+def file_held_alone(path: Path) -> Iterator[None]:
+    """Hold ``path``, which need not exist, for this process, as ``held_alone`` does a folder.
+
+    Raises ``FileHeldError`` if another process does. A hidden ``.NAME.held`` stays.
+    """
+    with _locked(path.with_name(f".{path.name}.held")) as is_free:
+        if not is_free:
+            raise FileHeldError(f"{path}: another process has it")
+        yield
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[bool]:
+    """Lock the file at ``path`` until the end of the block; say whether nobody else has."""
+    if sys.platform == "win32":
+        yield True
         return
-    with (folder / ".held").open("wb") as file:
+    with path.open("wb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise FolderHeldError(f"{folder}: another process is at work there") from None
-        yield
+            yield False
+            return
+        yield True
 
 
 def sync_folder(folder: Path) -> None:

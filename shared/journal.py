@@ -1,0 +1,399 @@
+"""A node's journal: what it has said, on its disk until it is safe elsewhere.
+
+An SQLite file holds one run of numbers over all journalled messages of a node, each as the bytes
+that were published, written and synchronized before they were. The run is random and made with the
+file: a unit whose disk was wiped begins another, and takes nobody's numbers.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import time
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple, Protocol, TypeAlias
+
+import structlog
+
+from shared.files import file_held_alone
+from shared.seal import RUN_BYTES
+from shared.units import NS_PER_S
+
+KEPT_NS = 24 * 3600 * NS_PER_S
+"""What is safe elsewhere is kept so long all the same, for others who may want it."""
+
+DROPPED_AT_ONCE = 100
+"""Acknowledged messages that make room at a time, on a full disk."""
+
+RESERVE_BYTES = 1 << 18
+"""Room that is given back on a full disk: without any, nothing can be removed either."""
+
+CHECKPOINT_PAGES = 200
+
+_APPLICATION_ID = 0x436C6577
+_VERSION = 1
+_DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR})
+"""What SQLite finds of a file that is no whole journal; an error in general if it lacks a table."""
+
+_TABLES = (
+    "CREATE TABLE about (run BLOB NOT NULL, acknowledged INTEGER NOT NULL,"
+    " in_use INTEGER NOT NULL)",
+    "CREATE TABLE message (number INTEGER PRIMARY KEY, written_ns INTEGER NOT NULL,"
+    " key TEXT NOT NULL, payload BLOB NOT NULL, checksum INTEGER NOT NULL)",
+)
+
+_Written: TypeAlias = tuple[int, int, str, bytes, int]
+
+_log = structlog.stdlib.get_logger(__name__)
+
+SealAs: TypeAlias = Callable[[bytes, int], bytes]
+"""Makes of a run and a number the sealed bytes to be kept."""
+
+
+class JournalError(RuntimeError):
+    """A journal cannot be written or read at present. The text says which, and why."""
+
+
+class ForeignFileError(ValueError):
+    """What is to be the journal belongs to another program. The text names it."""
+
+
+class Row(NamedTuple):
+    """A message as it was published, and its number in the journal's run."""
+
+    number: int
+    key: str
+    payload: bytes
+
+
+class Holding(NamedTuple):
+    """What is held of a run: see ``shared.messages.Beat``."""
+
+    run: bytes
+    last_number: int
+    kept_from: int
+    acknowledged: int
+
+
+class Keeps(Protocol):
+    """Keeps what is said, under a run and numbers of its own."""
+
+    def append(self, key: str, seal_as: SealAs) -> bytes:
+        """Keep the next message, and return it sealed. Raises ``JournalError``."""
+
+    def rows(self, first: int, last: int, most_rows: int, most_bytes: int) -> list[Row]:
+        """Return messages from number ``first`` to ``last``, in order, as many as may be.
+
+        The first one is returned however long it is. Raises ``JournalError``.
+        """
+
+    def acknowledge(self, number: int) -> None:
+        """Note that all up to ``number`` are safe elsewhere. Raises ``JournalError``."""
+
+    def holding(self) -> Holding:
+        """Say what is held."""
+
+
+class Journal:
+    """The journal in the file at ``path``, held by this process alone until it is closed.
+
+    Any thread may call it: one is served at a time to write, another one to read.
+    """
+
+    run: bytes
+    """Names the run, in ``RUN_BYTES``."""
+
+    broken_off: bool
+    """Whether the last process that had the journal was killed, or lost power."""
+
+    _last_number: int
+    _first_number: int | None
+    _acknowledged: int
+
+    def __init__(self, path: Path, now_ns: Callable[[], int] = time.time_ns) -> None:
+        """Open the journal, or begin it.
+
+        What is no journal any more is moved aside, kept and named in the log. Raises
+        ``shared.files.FileHeldError`` if another process has it, ``ForeignFileError`` for another
+        program's database, ``JournalError`` where nothing can be written.
+        """
+        self.path = path
+        self._now_ns = now_ns
+        self._writing = threading.Lock()
+        self._reading = threading.Lock()
+        self._open = ExitStack()
+        try:
+            with _as_journal_error(path):
+                self._begin()
+        except BaseException:
+            self._open.close()
+            raise
+
+    def append(self, key: str, seal_as: SealAs) -> bytes:
+        """Write the next message and return it sealed: it is on the disk.
+
+        On a full disk the oldest acknowledged messages make room. Raises ``JournalError`` if that
+        is not enough, and where the disk fails: the number is then given to the next message.
+        """
+        with self._writing, _as_journal_error(self.path):
+            payload = seal_as(self.run, self._last_number + 1)
+            checksum = _checksum(key, payload)
+            row = (self._last_number + 1, self._now_ns(), key, payload, checksum)
+            try:
+                self._insert(row)
+            except sqlite3.OperationalError as error:
+                if not _is_full(error):
+                    raise
+                self._insert_in_room_made(row)
+            self._last_number += 1
+            self._first_number = self._first_number or self._last_number
+        return payload
+
+    def rows(self, first: int, last: int, most_rows: int, most_bytes: int) -> list[Row]:
+        """Return messages from number ``first`` to ``last``, in order, as many as may be.
+
+        The first one is returned however long it is; none that the disk has altered. Raises
+        ``JournalError``.
+        """
+        query = (
+            "SELECT number, key, payload, checksum FROM message WHERE number BETWEEN ? AND ? "
+            "ORDER BY number LIMIT ?"
+        )
+        with self._reading, _as_journal_error(self.path):
+            found = self._reader.execute(query, (first, last, most_rows))
+            rows = list(within_bytes(_unaltered(found), most_bytes))
+            found.close()
+        return rows
+
+    def newest(self, key: str) -> bytes | None:
+        """Return what was said last under ``key``, if it is still there. As ``rows``."""
+        query = (
+            "SELECT number, key, payload, checksum FROM message WHERE key = ? "
+            "ORDER BY number DESC LIMIT 1"
+        )
+        with self._reading, _as_journal_error(self.path):
+            row = next(_unaltered(self._reader.execute(query, (key,))), None)
+        return None if row is None else row.payload
+
+    def acknowledge(self, number: int) -> None:
+        """Note that all up to ``number`` are safe elsewhere. Raises ``JournalError``."""
+        with self._writing, _as_journal_error(self.path):
+            if self._acknowledged < number <= self._last_number:
+                self._writer.execute("UPDATE about SET acknowledged = ?", (number,))
+                self._acknowledged = number
+
+    def trim(self) -> None:
+        """Remove what has been safe elsewhere for long. Raises ``JournalError``."""
+        with self._writing, _as_journal_error(self.path):
+            self._writer.execute(
+                "DELETE FROM message WHERE number <= ? AND written_ns < ?",
+                (self._disposable, self._now_ns() - KEPT_NS),
+            )
+            self._first_number = self._found_first()
+            self._keep_reserve()
+
+    def holding(self) -> Holding:
+        """Say what is held."""
+        with self._writing:
+            first = self._first_number or self._last_number + 1
+            return Holding(self.run, self._last_number, first, self._acknowledged)
+
+    def close(self) -> None:
+        """Close the file and let go of it. Closing twice is harmless."""
+        with self._writing, self._reading:
+            with suppress(sqlite3.Error):
+                self._writer.execute("UPDATE about SET in_use = 0")
+            self._open.close()
+
+    @property
+    def _disposable(self) -> int:
+        """Up to which number messages may go: the last one stays, for it keeps the count."""
+        return min(self._acknowledged, self._last_number - 1)
+
+    @property
+    def _reserve(self) -> Path:
+        return self.path.with_name(f".{self.path.name}.reserve")
+
+    def _begin(self) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._open.enter_context(file_held_alone(self.path))
+        try:
+            self._connect()
+        except (sqlite3.DatabaseError, _DamagedError) as error:
+            if not _is_damage(error):
+                raise
+            kept = _moved_aside(self.path)
+            _log.error("the journal is damaged: another is begun", kept=str(kept), why=str(error))
+            self._connect()
+        if self.broken_off:
+            _log.warning(
+                "the journal was not closed: at most the message is missing that was being written",
+                journal=str(self.path), last_number=self._last_number,
+            )  # fmt: skip
+        with suppress(sqlite3.OperationalError, OSError):
+            self._keep_reserve()
+
+    def _connect(self) -> None:
+        with ExitStack() as opened:
+            self._writer = opened.enter_context(_connection(self.path))
+            self._reader = opened.enter_context(_connection(self.path))
+            _prepare(self._writer, self.path)
+            self.run, self._acknowledged, self.broken_off = _about(self._writer)
+            self._writer.execute("UPDATE about SET in_use = 1")
+            newest = self._writer.execute("SELECT max(number) FROM message").fetchone()[0]
+            self._last_number = newest or 0
+            self._first_number = self._found_first()
+            self._open.push(opened.pop_all())
+
+    def _found_first(self) -> int | None:
+        """Return the lowest number that is there."""
+        first = self._writer.execute("SELECT min(number) FROM message").fetchone()[0]
+        return None if first is None else int(first)
+
+    def _insert(self, row: _Written) -> None:
+        self._writer.execute("INSERT INTO message VALUES (?, ?, ?, ?, ?)", row)
+
+    def _insert_in_room_made(self, row: _Written) -> None:
+        """Drop acknowledged messages until ``row`` finds room; else raise what SQLite raises."""
+        self._reserve.unlink(missing_ok=True)
+        self._checkpoint()
+        while True:
+            dropped = self._writer.execute(
+                "DELETE FROM message WHERE number IN "
+                "(SELECT number FROM message WHERE number <= ? ORDER BY number LIMIT ?)",
+                (self._disposable, DROPPED_AT_ONCE),
+            ).rowcount
+            self._first_number = self._found_first()
+            try:
+                self._insert(row)
+            except sqlite3.OperationalError as error:
+                if not (_is_full(error) and dropped):
+                    raise
+            else:
+                break
+        _log.warning(
+            "the disk is full: old acknowledged messages have made room",
+            journal=str(self.path), kept_from=self._first_number,
+        )  # fmt: skip
+
+    def _checkpoint(self) -> None:
+        """Have the log of changes begin anew in the room it has."""
+        with suppress(sqlite3.OperationalError):
+            self._writer.execute("PRAGMA wal_checkpoint(RESTART)")
+
+    def _keep_reserve(self) -> None:
+        if not self._reserve.exists():
+            try:
+                self._reserve.write_bytes(bytes(RESERVE_BYTES))
+            except OSError:
+                # A full disk: what little there is must not go to the reserve.
+                self._reserve.unlink(missing_ok=True)
+
+
+class _DamagedError(Exception):
+    """A file that SQLite can read is no whole journal."""
+
+
+def within_bytes(rows: Iterable[Row], most_bytes: int) -> Iterator[Row]:
+    """Yield the first of ``rows``, and more as long as keys and payloads fit ``most_bytes``."""
+    room = most_bytes
+    for index, row in enumerate(rows):
+        room -= len(row.key) + len(row.payload)
+        if room < 0 and index > 0:
+            return
+        yield row
+
+
+def _checksum(key: str, payload: bytes) -> int:
+    return zlib.crc32(payload, zlib.crc32(key.encode()))
+
+
+def _unaltered(found: Iterable[tuple[int, str, bytes, int]]) -> Iterator[Row]:
+    """Yield the rows whose checksum is right."""
+    for number, key, payload, checksum in found:
+        if _checksum(key, payload) == checksum:
+            yield Row(number, key, payload)
+
+
+@contextmanager
+def _connection(path: Path) -> Iterator[sqlite3.Connection]:
+    connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    try:
+        yield connection
+    finally:
+        connection.close()
+
+
+def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+    """Make an empty file a journal; else check that it is one, whole."""
+    owner = connection.execute("PRAGMA application_id").fetchone()[0]
+    tables = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if tables and (owner, version) != (_APPLICATION_ID, _VERSION):
+        raise ForeignFileError(f"{path}: another program's database; give another --journal")
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {CHECKPOINT_PAGES}")
+    if not tables:
+        _make_tables(connection)
+    (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    if found != "ok":
+        raise _DamagedError(found)
+
+
+def _make_tables(connection: sqlite3.Connection) -> None:
+    """All at once, so that a power cut leaves an empty file or a journal."""
+    connection.execute("BEGIN IMMEDIATE")
+    for statement in _TABLES:
+        connection.execute(statement)
+    connection.execute("INSERT INTO about VALUES (randomblob(?), 0, 0)", (RUN_BYTES,))
+    connection.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
+    connection.execute(f"PRAGMA user_version = {_VERSION}")
+    connection.execute("COMMIT")
+
+
+def _about(connection: sqlite3.Connection) -> tuple[bytes, int, bool]:
+    """Return the run, up to which number it is acknowledged, and whether it was in use."""
+    rows = connection.execute("SELECT run, acknowledged, in_use FROM about").fetchall()
+    if len(rows) == 1:
+        run, acknowledged, in_use = rows[0]
+        if isinstance(run, bytes) and len(run) == RUN_BYTES and isinstance(acknowledged, int):
+            return run, acknowledged, bool(in_use)
+    raise _DamagedError("it does not say its run")
+
+
+def _moved_aside(path: Path) -> Path:
+    """Move a damaged journal, and what SQLite keeps beside it; return where to."""
+    free = (path.with_name(f"{path.name}.damaged{index}") for index in count(1))
+    aside = next(each for each in free if not each.exists())
+    for ending in ("-wal", "-shm", ""):
+        part = path.with_name(path.name + ending)
+        if part.exists():
+            part.replace(aside.with_name(aside.name + ending))
+    return aside
+
+
+def _code(error: sqlite3.Error) -> int:
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF
+
+
+def _is_full(error: sqlite3.Error) -> bool:
+    return _code(error) == sqlite3.SQLITE_FULL
+
+
+def _is_damage(error: Exception) -> bool:
+    damaged = isinstance(error, sqlite3.DatabaseError) and _code(error) in _DAMAGE
+    return damaged or isinstance(error, _DamagedError)
+
+
+@contextmanager
+def _as_journal_error(path: Path) -> Iterator[None]:
+    """Say of which journal it is what SQLite or the system complains of."""
+    try:
+        yield
+    except (sqlite3.Error, OSError) as error:
+        raise JournalError(f"{path}: {error}") from error
