@@ -22,10 +22,10 @@ from command_post.fusion.team.log import (
     Start,
 )
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.unseen import Unseen, unseen_before
 from shared.compiled import compiled
 from shared.units import NS_PER_S
 
-MOST_LOST = 1000
 PACE_S = 1.5
 LEAST_AHEAD_M = 0.3
 """A shorter stride does not tell which way its wearer goes."""
@@ -111,7 +111,8 @@ def chain_of(
     moves = log.moves.until(until_ns)
     added = _link_rows(moves, starts, settings)
     order = np.argsort(np.concatenate([added.time_ns, moves.end_ns]), kind="stable")
-    own = _move_rows(moves, settings)
+    unseen = unseen_before(moves, settings)
+    own = _move_rows(moves, unseen, settings)
 
     def merged(one: Floats | Ints, other: Floats | Ints) -> Floats:
         return np.asarray(np.concatenate([one, other])[order])
@@ -122,7 +123,7 @@ def chain_of(
     return Chain(
         responder_id,
         time_ns=merged(added.time_ns, moves.end_ns).astype(np.int64),
-        begin_ns=merged(added.time_ns, moves.start_ns).astype(np.int64),
+        begin_ns=merged(added.time_ns, unseen.since_ns).astype(np.int64),
         way_m=np.cumsum(merged(np.zeros((len(starts), 2)), own.step_m), axis=0),
         length_m=np.cumsum(merged(np.zeros(len(starts)), own.length_m)),
         variance=np.cumsum(merged(added.variance, own.variance), axis=0),
@@ -164,19 +165,20 @@ def _link_rows(moves: Moves, starts: list[Start], settings: TeamSettings) -> _Li
     )
 
 
-def _move_rows(moves: Moves, settings: TeamSettings) -> _Rows:
+def _move_rows(moves: Moves, unseen: Unseen, settings: TeamSettings) -> _Rows:
     """One row a move, with variances that allow for what an agent cannot know of itself."""
-    step_m = moves.values[:, [NORTH, EAST]]
+    step_m, values = moves.values[:, [NORTH, EAST]], moves.values
     length_m = np.hypot(step_m[:, 0], step_m[:, 1])
-    gaps = np.diff(moves.sequence, prepend=moves.sequence[:1] - 1) - 1
-    lost = np.clip(gaps, 0, MOST_LOST)
     own_m2 = (settings.stride_sd_m + settings.stride_sd_share * length_m) ** 2
-    place_m2 = moves.values[:, PLACE_M2] + own_m2 + (settings.lost_stride_m * lost) ** 2
-    turn_rad2 = moves.values[:, TURN_RAD2] + (1.0 + lost) * settings.stride_turn_sd_rad**2
-    down_m2 = moves.values[:, DOWN_M2] + (settings.lost_climb_m * lost) ** 2
+    place_m2 = values[:, PLACE_M2] + own_m2 + unseen.place_m2
+    turn_rad2 = values[:, TURN_RAD2] + settings.stride_turn_sd_rad**2 + unseen.turn_rad2
     return _Rows(
-        step_m, length_m, np.column_stack([place_m2, turn_rad2]),
-        np.column_stack([moves.values[:, DOWN], down_m2]),
+        step_m + unseen.way_m[:, :2],
+        length_m + np.hypot(unseen.way_m[:, 0], unseen.way_m[:, 1]),
+        np.column_stack([place_m2, turn_rad2]),
+        np.column_stack([
+            values[:, DOWN] + unseen.way_m[:, 2], values[:, DOWN_M2] + unseen.down_m2
+        ]),
     )  # fmt: skip
 
 

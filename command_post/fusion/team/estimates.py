@@ -20,6 +20,7 @@ from command_post.fusion.team.log import (
 )
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solving import Solved
+from command_post.fusion.team.unseen import BEFORE, Unseen, unseen_before
 from command_post.fusion.track import MOST_COORDINATE_M, Estimate, told_covariance, within
 from shared.maths.angles import wrap_rad
 from shared.messages import FloorShare, TrackStatus
@@ -102,13 +103,16 @@ def estimate_of(
     time until ``now_ns`` is in the covariance.
     """
     since = log.moves.after(pose.time_ns)
-    dn, de = _way_since(pose, since)
+    every = log.moves.after(pose.time_ns, BEFORE)
+    unseen = unseen_before(every, settings).last(since.end_ns.size)
+    dn, de = _way_since(pose, since, unseen)
     time_ns = int(since.end_ns[-1]) if since.end_ns.size else pose.time_ns
     silent_s = max(now_ns - max(time_ns, log.heard_ns), 0) / NS_PER_S - settings.silence_s
     unheard_m2 = (settings.silent_speed_m_s * max(silent_s, 0.0)) ** 2
-    nn, ne, ee, turn_rad2 = _covariance(pose, since, dn, de, unheard_m2, settings)
-    down_m = pose.down[0] + math.fsum(since.values[:, DOWN].tolist())
-    down_m2 = pose.down[1] + max(math.fsum(since.values[:, DOWN_M2].tolist()), 0.0)
+    nn, ne, ee, turn_rad2 = _covariance(pose, since, unseen, (dn, de), unheard_m2, settings)
+    down_m = pose.down[0] + math.fsum((since.values[:, DOWN] + unseen.way_m[:, 2]).tolist())
+    climbed_m2 = (since.values[:, DOWN_M2] + unseen.down_m2).tolist()
+    down_m2 = pose.down[1] + max(math.fsum(climbed_m2), 0.0)
     down_sd_m = math.sqrt(max(down_m2, 0.0))
     status, reason = _status(pose, time_ns, silent_s, (nn, ne, ee), turn_rad2, settings)
     last = log.moves.last_heading_rad
@@ -132,24 +136,31 @@ def estimate_of(
     )
 
 
-def _way_since(pose: Pose, since: Moves) -> tuple[float, float]:
-    north = math.fsum(since.values[:, NORTH].tolist()) * (1.0 + pose.scale)
-    east = math.fsum(since.values[:, EAST].tolist()) * (1.0 + pose.scale)
+def _way_since(pose: Pose, since: Moves, unseen: Unseen) -> tuple[float, float]:
+    way_m = since.values[:, [NORTH, EAST]] + unseen.way_m[:, :2]
+    north, east = ((1.0 + pose.scale) * math.fsum(axis) for axis in way_m.T.tolist())
     return rotated(pose.turn_rad, north, east)
 
 
 def _covariance(
-    pose: Pose, since: Moves, dn: float, de: float, unheard_m2: float, settings: TeamSettings
-) -> tuple[float, float, float, float]:
+    pose: Pose, since: Moves, unseen: Unseen, way_m: tuple[float, float], unheard_m2: float,
+    settings: TeamSettings,
+) -> tuple[float, float, float, float]:  # fmt: skip
     """Return nn, ne, ee and the turn's variance at the end of the way since the pose."""
+    dn, de = way_m
     nn, ne, ee, tt, nt, et = pose.covariance
     tt = min(max(tt, 0.0), UNIFORM_TURN_RAD2)
-    own_m2 = unheard_m2 + math.fsum(
-        (settings.stride_sd_m + settings.stride_sd_share * math.sqrt(n * n + e * e)) ** 2
-        for n, e in since.values[:, [NORTH, EAST]].tolist()
+    own_m2 = (
+        unheard_m2
+        + math.fsum(unseen.place_m2.tolist())
+        + math.fsum(
+            (settings.stride_sd_m + settings.stride_sd_share * math.sqrt(n * n + e * e)) ** 2
+            for n, e in since.values[:, [NORTH, EAST]].tolist()
+        )
     )
     factor = settings.covariance_factor
     turn_rad2 = tt + since.end_ns.size * settings.stride_turn_sd_rad**2
+    turn_rad2 += math.fsum(unseen.turn_rad2.tolist())
     return (
         factor * (nn - 2.0 * de * nt + de * de * tt + own_m2),
         factor * (ne + dn * nt - de * et - dn * de * tt),

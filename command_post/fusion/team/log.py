@@ -169,9 +169,10 @@ class MoveLog:
         later._count = self._count - first
         return later
 
-    def after(self, time_ns: int) -> Moves:
-        """Return the moves that ended after ``time_ns``."""
+    def after(self, time_ns: int, before: int = 0) -> Moves:
+        """Return the moves that ended after ``time_ns``, and as many ``before`` as there are."""
         first = int(np.searchsorted(self._times[: self._count, 0], time_ns, side="right"))
+        first = max(first - before, 0)
         end_ns, start_ns, sequence = self._times[first : self._count].T
         return Moves(end_ns, start_ns, sequence, self._values[first : self._count])
 

@@ -86,6 +86,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     stride_sd_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.025
     stride_turn_sd_rad: Radians = math.radians(0.85)
     lost_stride_m: Metres = 1.2
+    unseen_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.9
+    unseen_turn_sd_rad: Radians = math.radians(6.0)
     start_sd_m: Metres = 0.5
     entrance_sd_m: Metres = 1.0
     unknown_start_sd_m: Metres = 30.0
