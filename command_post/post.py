@@ -19,11 +19,21 @@ from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.roster import Roster, RosterSettings, make_roster
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
-from shared.clock import Clock, ScaledClock
+from shared.clock import Clock, PacedClock
 from shared.codec import Refusal, decode, parse_key
 from shared.gate import Gate
 from shared.messages import ExerciseStart
-from shared.topics import TOPICS, Key, Priority, Role, alive_key, all_alive_of, everything_of
+from shared.time_service import time_answerer
+from shared.topics import (
+    TOPICS,
+    Key,
+    Priority,
+    Role,
+    alive_key,
+    all_alive_of,
+    everything_of,
+    time_key,
+)
 from shared.units import NS_PER_S
 
 INBOX_MESSAGES = 200_000
@@ -61,7 +71,7 @@ class Post:
         self._incident = incident
         self._recorder = recorder
         self._recorded = RecordedIncident(incident, recorder)
-        self._clock = clock
+        self._clock = PacedClock(clock)
         self._follows_exercise = follows_exercise
         self._show = show
         self._gate = gate or Gate()
@@ -78,6 +88,7 @@ class Post:
         settings = self._incident.settings
         self._bus.subscribe(everything_of(settings.incident), self._inbox.put)
         self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
+        self._bus.answer(time_key(settings.incident, settings.post_id), time_answerer(self._clock))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
         greeter = Thread(target=self._greet, args=(stop,), name="greeter")
         greeter.start()
@@ -132,7 +143,7 @@ class Post:
             return
         # The first start counts: whoever gives another must not turn the post's clock.
         self._follows_exercise = False
-        self._clock = ScaledClock(start.event_time_ns, start.speed)
+        self._clock.run_from(start.event_time_ns, start.speed)
         _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
 
     def _note_alive(self, key: str, is_alive: bool) -> None:

@@ -65,6 +65,9 @@ MessageNumber: TypeAlias = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Confidence: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
+ClockOffsetNs: TypeAlias = Annotated[int, Meta(ge=-(2**62), le=2**62)]
+
+
 class ImuSample(msgspec.Struct, frozen=True, gc=False):
     """One reading of an inertial sensor, as a source hands it to a mount. Not a wire message.
 
@@ -299,21 +302,42 @@ class DapEstimate(Message, frozen=True, kw_only=True):
     position: LocalPosition
 
 
+class ClockSpan(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """What a journal has from ``first_number`` on was dated by a clock that was off by that."""
+
+    first_number: MessageNumber
+    offset_ns: ClockOffsetNs
+    uncertainty_ns: TimeNs
+
+
+class ClockStatement(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """How far the clock of the post ``post_id`` is ahead of a node's, as the node found out.
+
+    It is ``offset_ns`` at the time of the beat, give or take ``uncertainty_ns``, and grows by
+    ``drift`` (seconds a second). A process that dates its messages by a clock that was read anew
+    begins a span: ``spans`` are the journal's, by number, where it has more than one.
+    """
+
+    post_id: NodeId
+    offset_ns: ClockOffsetNs
+    uncertainty_ns: TimeNs
+    drift: Annotated[float, Meta(ge=-1e-3, le=1e-3)]
+    spans: Annotated[tuple[ClockSpan, ...], Meta(max_length=32)] = ()
+
+
 class Beat(Message, frozen=True, kw_only=True):
     """A node is at work, at ``event_time_ns``; what its journal holds for those who missed it.
 
     ``run`` is the journal's and ``last_number`` its newest message's, of which those before
     ``kept_from`` are there no more and those up to ``acknowledged`` are known to be safe elsewhere.
-    ``clock_offset_ns`` is how far the post's clock is ahead of the node's, give or take
-    ``clock_uncertainty_ns``, as far as the node has found out.
+    ``clock`` is what the node knows of its clock, ``None`` if nothing.
     """
 
     run: RunId
     last_number: MessageNumber
     kept_from: MessageNumber
     acknowledged: MessageNumber
-    clock_offset_ns: Annotated[int, Meta(ge=-(2**62), le=2**62)] | None
-    clock_uncertainty_ns: TimeNs | None
+    clock: ClockStatement | None = None
 
 
 class SafeUpTo(msgspec.Struct, frozen=True, kw_only=True, gc=False):

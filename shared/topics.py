@@ -113,6 +113,11 @@ def finished_key(incident: str, responder_id: str) -> str:
     return f"clew/{WIRE_VERSION}/{incident}/responder/{responder_id}/finished"
 
 
+def time_key(incident: str, post_id: str) -> str:
+    """Key under which a post answers what time it is."""
+    return f"clew/{WIRE_VERSION}/{incident}/post/{post_id}/time"
+
+
 def all_alive_of(incident: str) -> str:
     """Key expression for the liveliness tokens of an incident's nodes."""
     return f"clew/{WIRE_VERSION}/{incident}/*/*/alive"

@@ -9,6 +9,8 @@ from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
     Alarm,
     Beat,
+    ClockSpan,
+    ClockStatement,
     Contact,
     DapEstimate,
     DapInstallation,
@@ -133,8 +135,13 @@ def one_of_each() -> dict[str, Message]:
             last_number=9,
             kept_from=1,
             acknowledged=7,
-            clock_offset_ns=-5,
-            clock_uncertainty_ns=2,
+            clock=ClockStatement(
+                post_id="p",
+                offset_ns=-5,
+                uncertainty_ns=2,
+                drift=1e-4,
+                spans=(ClockSpan(first_number=1, offset_ns=-7, uncertainty_ns=4),),
+            ),
         ),
         "receipt": Receipt(
             **common, safe=(SafeUpTo(role="dap", node_id="d1", run="00ff" * 4, number=7),)

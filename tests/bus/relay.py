@@ -9,10 +9,15 @@ from typing import Self
 
 
 class Relay:
-    """Passes connections to its own ``port`` on to ``target_port``, until it is stalled."""
+    """Passes connections to its own ``port`` on to ``target_port``, until it is stalled.
 
-    def __init__(self, target_port: int) -> None:
+    What is passed on takes ``there_s`` to the target, and ``back_s`` from it.
+    """
+
+    def __init__(self, target_port: int, there_s: float = 0.0, back_s: float = 0.0) -> None:
         self._target_port = target_port
+        self._delays_s = (there_s, back_s)
+        self._closing = threading.Event()
         self._flowing = threading.Event()
         self._flowing.set()
         self._sockets = [socket.create_server(("127.0.0.1", 0))]
@@ -29,6 +34,7 @@ class Relay:
 
     def __exit__(self, *_: object) -> None:
         self._flowing.set()
+        self._closing.set()
         for each in self._sockets:
             with suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
@@ -43,15 +49,17 @@ class Relay:
                 near, _ = server.accept()
                 far = socket.create_connection(("127.0.0.1", self._target_port))
                 self._sockets += [near, far]
-                for source, sink in ((near, far), (far, near)):
-                    pump = threading.Thread(target=self._pump, args=(source, sink))
+                ways = ((near, far), (far, near))
+                for way, delay_s in zip(ways, self._delays_s, strict=True):
+                    pump = threading.Thread(target=self._pump, args=(*way, delay_s))
                     self._threads.append(pump)
                     pump.start()
 
-    def _pump(self, source: socket.socket, sink: socket.socket) -> None:
+    def _pump(self, source: socket.socket, sink: socket.socket, delay_s: float) -> None:
         with suppress(OSError):
             while data := source.recv(65_536):
                 self._flowing.wait()
+                self._closing.wait(delay_s)
                 sink.sendall(data)
         with suppress(OSError):
             sink.shutdown(socket.SHUT_RDWR)

@@ -37,8 +37,7 @@ WIRE_FIELDS = {
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
     "heading_sd_rad last_proximity_time_ns down_sd_m regions_m floors status reason",
     "dap_place": "event_time_ns sequence dap_id position",
-    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock_offset_ns "
-    "clock_uncertainty_ns",
+    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock",
     "receipt": "event_time_ns sequence safe",
     "order": "event_time_ns sequence kind to text",
     "order_reply": "event_time_ns sequence post_id order_sequence stage",
@@ -49,7 +48,7 @@ WIRE_FIELDS = {
 
 ADDED_SINCE = {
     "activity", "activity_confidence", "facing_sd_rad", "pressure_pa", "pressure_rows",
-    "down_sd_m", "regions_m", "floors", "status", "reason",
+    "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 

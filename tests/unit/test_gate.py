@@ -33,8 +33,6 @@ def beat(last: int, kept_from: int = 1) -> Message:
         last_number=last,
         kept_from=kept_from,
         acknowledged=0,
-        clock_offset_ns=None,
-        clock_uncertainty_ns=None,
     )
 
 

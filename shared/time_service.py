@@ -1,0 +1,158 @@
+"""What time it is at the post: who answers that, and who asks, over and over, on a thread.
+
+An answer says at what pace the post's clock runs, so that nobody who has not yet heard of an
+exercise, or takes no part in it, measures one against the other.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Collection, Mapping
+from typing import NamedTuple, Self
+
+import msgspec
+
+from shared.bus.interface import Answerer, Bus
+from shared.clock import PacedClock
+from shared.clock_sync import ClockOffset, Exchange, OffsetEstimator
+from shared.messages import NodeId, TimeNs
+from shared.topics import time_key
+
+QUICK_PERIOD_S = 0.3
+QUICK_EXCHANGES = 6
+"""So many at first are quick: one of them has a short round trip."""
+
+PERIOD_S = 4.0
+ASK_TIMEOUT_S = 1.0
+PATIENCE = 5
+"""A post that leaves so many questions unanswered is no longer kept to if another answers."""
+
+
+class TimeQuestion(msgspec.Struct, frozen=True, array_like=True, gc=False):
+    """When a node asked, by its own clock."""
+
+    asked_ns: TimeNs
+
+
+class TimeAnswer(msgspec.Struct, frozen=True, array_like=True, gc=False):
+    """The question's time again, and the post's when it heard and answered it, at its ``pace``."""
+
+    asked_ns: TimeNs
+    heard_ns: TimeNs
+    answered_ns: TimeNs
+    pace: float
+
+
+class StatedOffset(NamedTuple):
+    """How far the clock of ``post_id`` is ahead of a node's, as far as the node knows."""
+
+    post_id: NodeId
+    offset: ClockOffset
+
+
+_encode = msgspec.msgpack.Encoder().encode
+_questions = msgspec.msgpack.Decoder(TimeQuestion)
+_answers = msgspec.msgpack.Decoder(TimeAnswer)
+
+
+def time_answerer(clock: PacedClock) -> Answerer:
+    """Return what answers with the time of ``clock``; what is no question has no answer."""
+
+    def answer(request: bytes) -> bytes | None:
+        heard_ns = clock.now_ns()
+        try:
+            asked_ns = _questions.decode(request).asked_ns
+        except (msgspec.MsgspecError, UnicodeDecodeError):
+            return None
+        return _encode(TimeAnswer(asked_ns, heard_ns, clock.now_ns(), clock.pace))
+
+    return answer
+
+
+class TimeAsker:
+    """Asks the incident's posts for the time, and keeps to one: a node has one offset.
+
+    ``clock`` is what the node dates by. In a ``with`` block it asks on a thread of its own, a few
+    times quickly and then every few real seconds, whatever the clock's pace.
+    """
+
+    def __init__(self, bus: Bus, incident: NodeId, clock: PacedClock) -> None:
+        self._bus = bus
+        self._keys = time_key(incident, "*")
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._post = _Asked("", clock.pace)
+        self._stop = threading.Event()
+        # No daemon: it is inside Zenoh when it asks.
+        self._thread = threading.Thread(target=self._run, name="time", daemon=False)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def stated(self) -> StatedOffset | None:
+        """Return what is known now; ``None`` while nothing is."""
+        with self._lock:
+            post, offset = self._post, self._post.estimator.at(self._clock.now_ns())
+        if offset is None or post.pace != self._clock.pace:
+            return None
+        return StatedOffset(post.post_id, offset)
+
+    def ask(self) -> bool:
+        """Ask once; say whether there was an answer that could be used."""
+        pace, asked_ns = self._clock.pace, self._clock.now_ns()
+        replies = self._bus.query(self._keys, ASK_TIMEOUT_S, _encode(TimeQuestion(asked_ns)))
+        back_ns = self._clock.now_ns()
+        if pace != self._clock.pace:
+            return False
+        exchanges = {
+            reply.key.split("/")[-2]: Exchange(
+                asked_ns, answer.heard_ns, answer.answered_ns, back_ns
+            )
+            for reply in replies
+            if (answer := _read(reply.payload)) is not None
+            and answer.asked_ns == asked_ns
+            and answer.pace == pace
+        }
+        with self._lock:
+            return self._choose(exchanges, pace).take(exchanges)
+
+    def _choose(self, answered: Collection[NodeId], pace: float) -> _Asked:
+        """Return the post to keep to: another only once the last one is silent for long."""
+        post = self._post
+        given_up = post.unanswered >= PATIENCE and post.post_id not in answered
+        if answered and (given_up or not post.post_id or post.pace != pace):
+            self._post = _Asked(min(answered), pace)
+        return self._post
+
+    def _run(self) -> None:
+        asked = 0
+        while not self._stop.is_set():
+            asked += self.ask()
+            self._stop.wait(QUICK_PERIOD_S if asked < QUICK_EXCHANGES else PERIOD_S)
+
+
+class _Asked:
+    """A post that is asked, by a clock of one pace."""
+
+    def __init__(self, post_id: NodeId, pace: float) -> None:
+        self.post_id = post_id
+        self.pace = pace
+        self.estimator = OffsetEstimator()
+        self.unanswered = 0
+
+    def take(self, exchanges: Mapping[NodeId, Exchange]) -> bool:
+        exchange = exchanges.get(self.post_id)
+        self.unanswered = self.unanswered + 1 if exchange is None else 0
+        return exchange is not None and self.estimator.take(exchange)
+
+
+def _read(payload: bytes) -> TimeAnswer | None:
+    try:
+        return _answers.decode(payload)
+    except (msgspec.MsgspecError, UnicodeDecodeError):
+        return None
