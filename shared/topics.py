@@ -118,6 +118,11 @@ def time_key(incident: str, post_id: str) -> str:
     return f"clew/{WIRE_VERSION}/{incident}/post/{post_id}/time"
 
 
+def certificate_key(incident: str, role: str, node_id: str) -> str:
+    """Key under which a node shows its certificate to whoever asks."""
+    return f"clew/{WIRE_VERSION}/{incident}/{role}/{node_id}/certificate"
+
+
 def all_alive_of(incident: str) -> str:
     """Key expression for the liveliness tokens of an incident's nodes."""
     return f"clew/{WIRE_VERSION}/{incident}/*/*/alive"

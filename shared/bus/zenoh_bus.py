@@ -1,21 +1,18 @@
 """The bus over Zenoh, the only room that knows it: routers at post and DAPs, agents as clients.
 
-The settings are measured ones. Multicast and gossip are off: whom to dial is configured. A lease
-of 2 s finds a dead link in under 2 s (each side applies the lease the other announces). Live data
-is put with congestion control DROP, since a blocking put stalls for seconds on a half-open link
-and then loses the rest without a word. Zenoh's own log, which can only go to standard output, is
-never turned on; what its handlers raise comes through ``logging``.
+The settings (``zenoh_settings``) are measured ones. Live data is put with congestion control DROP,
+since a blocking put stalls for seconds on a half-open link and then loses the rest without a word.
+Zenoh's own log, which can only go to standard output, is never turned on; what its handlers raise
+comes through ``logging``.
 """
 
 from __future__ import annotations
 
-import ipaddress
 import json
-import re
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, Literal, Protocol, Self, TypeAlias
+from typing import Protocol, Self
 
 import structlog
 import zenoh
@@ -23,16 +20,14 @@ import zenoh
 from shared.bus.guard import HandlerGuard
 from shared.bus.interface import AliveHandler, Answerer, BusClosedError, Handler, Received
 from shared.bus.key_expression import check_key, check_key_expression
+from shared.bus.zenoh_settings import Mode, check_endpoint, session_settings
+from shared.security.bundle import Bundle
 from shared.topics import Priority
 
 log = structlog.stdlib.get_logger(__name__)
 
-Mode: TypeAlias = Literal["router", "client"]
-
-OPEN_ATTEMPT_MS = 1500
 OPEN_PAUSE_S = 0.2
 CLOSE_S = 1.8
-LEASE_MS = 2000
 
 _PRIORITIES: dict[Priority, zenoh.Priority] = {
     "high": zenoh.Priority.INTERACTIVE_HIGH,
@@ -40,81 +35,34 @@ _PRIORITIES: dict[Priority, zenoh.Priority] = {
     "low": zenoh.Priority.DATA_LOW,
 }
 
-_ENDPOINT = re.compile(r"tcp/(?P<host>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):(?P<port>\d{1,5})")
-
 
 class _Undeclarable(Protocol):
     def undeclare(self) -> None: ...
 
 
-def open_zenoh(mode: Mode, connect: Sequence[str] = (), listen: Sequence[str] = ()) -> ZenohBus:
+def open_zenoh(
+    mode: Mode,
+    connect: Sequence[str] = (),
+    listen: Sequence[str] = (),
+    bundle: Bundle | None = None,
+) -> ZenohBus:
     """Open a bus that dials the endpoints ``connect`` and, as a router, listens on ``listen``.
 
-    Endpoints read ``tcp/HOST:PORT``; port 0 listens on a free one, which ``locators`` tells. A
-    router dials until it is answered, a client keeps to one of its routers and changes when that
-    one is gone: anything may start first, and end and come back.
+    Endpoints read ``tls/HOST:PORT``, and without a ``bundle`` of keys ``tcp/HOST:PORT``; port 0
+    listens on a free one, which ``locators`` tells. A router dials until it is answered, a client
+    keeps to one of its routers and changes when that one is gone: anything may start first, and
+    end and come back.
 
-    Raises ``ValueError`` for an endpoint that is malformed, or that listens beyond this machine:
-    this version neither encrypts nor authenticates. Raises ``OSError`` where listening fails.
+    Raises ``ValueError`` for an endpoint that is malformed, or that leaves this machine without a
+    ``bundle``, and for a bundle that cannot listen. Raises ``OSError`` where listening fails.
     """
-    for endpoint in connect:
-        _check_endpoint(endpoint)
-    for endpoint in listen:
-        _check_loopback(endpoint)
+    for endpoint in (*connect, *listen):
+        check_endpoint(endpoint, bundle)
     if mode == "client" and (listen or not connect):
         raise ValueError("a client dials routers and listens to nobody: give it only 'connect'")
-    return ZenohBus(mode, connect, listen)
-
-
-def _check_endpoint(endpoint: str) -> re.Match[str]:
-    parts = _ENDPOINT.fullmatch(endpoint)
-    if parts is None or int(parts["port"]) > 65_535:
-        raise ValueError(f"endpoint {endpoint!r}: write tcp/HOST:PORT, as in tcp/127.0.0.1:7447")
-    return parts
-
-
-def _check_loopback(endpoint: str) -> None:
-    host = _check_endpoint(endpoint)["host"].strip("[]")
-    try:
-        loopback = ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        loopback = False
-    if not loopback:
-        raise ValueError(
-            f"endpoint {endpoint!r}: this version neither encrypts nor authenticates, so it "
-            "listens on this machine only; use tcp/127.0.0.1:PORT"
-        )
-
-
-def _configuration(mode: Mode, connect: Sequence[str], listen: Sequence[str]) -> zenoh.Config:
-    client = mode == "client"
-    settings: dict[str, Any] = {
-        "mode": mode,
-        "scouting": {
-            "multicast": {"enabled": False},
-            "gossip": {"enabled": False},
-            "delay": 0,
-        },
-        "listen": {"endpoints": list(listen)},
-        "connect": {
-            "endpoints": list(connect),
-            # A router opens at once and dials behind; -1 makes a client deaf to signals.
-            "timeout_ms": OPEN_ATTEMPT_MS if client else -1,
-            "exit_on_failure": client,
-            "retry": {
-                "period_init_ms": 200,
-                "period_max_ms": 2000,
-                "period_increase_factor": 1.5,
-            },
-        },
-        "transport": {
-            "shared_memory": {"enabled": False},
-            "link": {"tx": {"lease": LEASE_MS}},
-        },
-        # Where a router says which port it was given.
-        "adminspace": {"enabled": not client, "permissions": {"read": True, "write": False}},
-    }
-    return zenoh.Config.from_json5(json.dumps(settings))
+    if bundle is not None and listen and bundle.identity.role == "responder":
+        raise ValueError(f"{bundle.folder}: a responder's keys; only posts and DAPs listen")
+    return ZenohBus(mode, connect, listen, bundle)
 
 
 class ZenohBus:
@@ -127,8 +75,15 @@ class ZenohBus:
     back, and Zenoh declares anew by itself. Close clients before the routers they dial.
     """
 
-    def __init__(self, mode: Mode, connect: Sequence[str], listen: Sequence[str]) -> None:
-        self._configuration = _configuration(mode, connect, listen)
+    def __init__(
+        self,
+        mode: Mode,
+        connect: Sequence[str],
+        listen: Sequence[str],
+        bundle: Bundle | None = None,
+    ) -> None:
+        settings = session_settings(mode, connect, listen, bundle)
+        self._configuration = zenoh.Config.from_json5(json.dumps(settings))
         self._connect = list(connect)
         self._guard = HandlerGuard()
         self._lock = threading.RLock()

@@ -85,7 +85,7 @@ def test_rehearsed_in_another_process_it_says_the_same(scenario: Scenario, tmp_p
         (["run", "--id", "dap2", "--scan", "wlan0"], "write simulated:SCENARIO"),
         (["run", "--id", "dap/2", "--scan", "simulated:four_daps"], "--id 'dap/2'"),
         (["run", "--id", "dap2", "--scan", "simulated:four_daps", "--listen", "tcp/0.0.0.0:1"],
-         "neither encrypts nor authenticates"),
+         "nothing is encrypted or authenticated"),
     ],
 )  # fmt: skip
 def test_mistakes_on_the_command_line_are_told(arguments: list[str], complaint: str) -> None:
