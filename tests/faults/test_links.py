@@ -145,6 +145,6 @@ def test_endpoints_and_keys_go_together(
     keys: Keys, endpoint: str, has_keys: bool, why: str
 ) -> None:
     bundle = keys["dap1"] if has_keys else None
-    for ends in ({"connect": [endpoint]}, {"listen": [endpoint]}):
+    for connect, listen in (([endpoint], []), ([], [endpoint])):
         with pytest.raises(ValueError, match=why):
-            open_zenoh("router", **ends, bundle=bundle)
+            open_zenoh("router", connect, listen, bundle)
