@@ -125,6 +125,9 @@ class Incident:
     def __init__(self, settings: IncidentSettings) -> None:
         self.settings = settings
         self.refusals: Counter[tuple[str, str]] = Counter()
+        self.refused = 0
+        """How much was not taken in all."""
+
         self._notices: list[Notice] = []
         self._keys: dict[str, Key] = {}
         self._heard_ns: dict[tuple[Role, str], int] = {}
@@ -284,6 +287,7 @@ class Incident:
                     self._movements[node_id] = LastMovement(message, now_ns)
 
     def _refuse(self, reason: str, node_id: str, detail: str) -> None:
+        self.refused += 1
         kind = (reason, node_id)
         if kind not in self.refusals:
             if len(self.refusals) >= MOST_REFUSAL_KINDS:

@@ -15,8 +15,10 @@ from threading import Event, Thread
 import structlog
 
 from command_post.incident import Incident
+from command_post.patience import Patience
 from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.roster import Roster, RosterSettings, make_roster
+from shared.bus.fair_inbox import FairInbox, sender_of
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
@@ -37,6 +39,16 @@ from shared.topics import (
 from shared.units import NS_PER_S
 
 INBOX_MESSAGES = 200_000
+INBOX_BYTES = 64 << 20
+MOST_AT_ONCE = 256
+"""Messages that are handled before anybody else's are looked for."""
+
+MOST_TOLD = 4096
+"""What is told once of each sender, of how many."""
+
+LAST_MESSAGES_S = 0.5
+"""What is still heard when the post stops is handled for so long, then it is too late."""
+
 MOST_ON_THE_WAY = 20_000
 SHOW_PERIOD_S = 0.25
 ASK_TIMEOUT_S = 0.5
@@ -75,7 +87,9 @@ class Post:
         self._follows_exercise = follows_exercise
         self._show = show
         self._gate = gate or Gate()
-        self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
+        self._inbox = FairInbox(INBOX_MESSAGES, INBOX_BYTES)
+        self._patience = Patience(time.monotonic())
+        self._told: set[tuple[str, str]] = set()
         self._alive: set[tuple[Role, str]] = set()
         self._joined: Inbox[Key] = Inbox(1000)
         name, post_id = incident.settings.incident, incident.settings.post_id
@@ -86,7 +100,7 @@ class Post:
     def serve(self, stop: Event) -> None:
         """Serve until ``stop`` is set, then finish the incident and say what was lost."""
         settings = self._incident.settings
-        self._bus.subscribe(everything_of(settings.incident), self._inbox.put)
+        self._bus.subscribe(everything_of(settings.incident), self._inbox.put, self._inbox.wanted)
         self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
         self._bus.answer(time_key(settings.incident, settings.post_id), time_answerer(self._clock))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
@@ -94,14 +108,16 @@ class Post:
         greeter.start()
         next_show_s = time.monotonic()
         while not stop.is_set():
-            self._handle_all(self._inbox.get_all(SHOW_PERIOD_S))
+            self._handle_all(self._inbox.get_some(MOST_AT_ONCE, SHOW_PERIOD_S))
             if time.monotonic() >= next_show_s:
                 self._show(self.roster(self._clock.now_ns()))
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
                 gc.freeze()
         ended_ns = self._clock.now_ns()
-        self._handle_all(self._inbox.get_all())
+        latest_s = time.monotonic() + LAST_MESSAGES_S
+        while len(self._inbox) and time.monotonic() < latest_s:
+            self._handle_all(self._inbox.get_some(MOST_AT_ONCE))
         self._publish(self._recorded.finish(ended_ns))
         self._show(self.roster(ended_ns))
         greeter.join()
@@ -113,14 +129,51 @@ class Post:
 
     def _handle_all(self, messages: Sequence[Received]) -> None:
         for received in messages:
-            key, payload = received
-            if received in self._said or self._gate.admit(key, payload) is not None:
+            if received in self._said or not self._lets_in(received):
                 continue
+            key, payload = received
             if self._follows_exercise and key not in self._own_keys:
                 self._follow(key, payload)
+            refused = self._incident.refused
             self._publish(self._recorded.handle(key, payload, self._clock.now_ns()))
+            if self._incident.refused > refused:
+                self._blame(received)
         for notice in self._incident.take_notices():
             _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
+
+    def _lets_in(self, received: Received) -> bool:
+        """Say whether a message is to be recorded and handled; where not, it is counted."""
+        key, payload = received
+        sender = sender_of(key)
+        why = self._gate.admit(key, payload)
+        if why is not None:
+            if why != "repeated":
+                self._tell_once(f"turned away: {why}", sender)
+                self._blame(received)
+            return False
+        if self._patience.bears(sender, len(payload), time.monotonic()):
+            return True
+        parsed = parse_key(key)
+        useless = isinstance(parsed, Refusal) or isinstance(decode(parsed, payload), Refusal)
+        if useless:
+            self._patience.count(sender)
+            self._slow_down(sender)
+        return not useless
+
+    def _blame(self, received: Received) -> None:
+        """Hold it against its sender that a message was of no use."""
+        sender = sender_of(received.key)
+        if not self._patience.charge(sender, len(received.payload), time.monotonic()):
+            self._slow_down(sender)
+
+    def _slow_down(self, sender: str) -> None:
+        self._inbox.slow_down(sender)
+        self._tell_once("floods the post with what is of no use: most is only counted", sender)
+
+    def _tell_once(self, what: str, sender: str) -> None:
+        if (what, sender) not in self._told and len(self._told) < MOST_TOLD:
+            self._told.add((what, sender))
+            _log.warning(what, sender=sender)
 
     def _publish(self, outgoing: Sequence[Outgoing]) -> None:
         for message in outgoing:
@@ -174,8 +227,12 @@ class Post:
             _log.warning("refused in all", reason=reason, node_id=node_id, count=count)
         for what, count in sorted(self._incident.counts.items()):
             _log.info("fusion", what=what, count=count)
-        if self._inbox.dropped:
-            _log.error("the post fell behind and lost messages", count=self._inbox.dropped)
+        for sender, count in sorted(self._patience.only_counted.items()):
+            _log.warning("of no use, and not recorded", sender=sender, count=count)
+        for (why, sender), count in sorted(self._inbox.lost().items()):
+            _log.error("the post did not hear all", why=why, sender=sender, count=count)
+        if len(self._inbox):
+            _log.warning("heard too late to be handled", count=len(self._inbox))
 
 
 def _priority(key: str) -> Priority:

@@ -23,3 +23,12 @@ def data_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real recordings at {folder}: set CLEW_DATA to their folder")
     return folder
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Write each benchmark's figures, as in ``messages_per_s=85000``."""
+    session = getattr(terminalreporter.config, "_benchmarksession", None)
+    for benchmark in session.benchmarks if session is not None else ():
+        figures = ", ".join(f"{name}={value}" for name, value in benchmark.extra_info.items())
+        if figures:
+            terminalreporter.write_line(f"{benchmark.name}: {figures}")

@@ -17,6 +17,9 @@ class Received(NamedTuple):
 
 
 Handler: TypeAlias = Callable[[Received], None]
+Wanted: TypeAlias = Callable[[str, int], bool]
+"""Says of a key and a number of bytes whether such a message is to be heard at all."""
+
 AliveHandler: TypeAlias = Callable[[str, bool], None]
 Answerer: TypeAlias = Callable[[bytes], bytes | None]
 """Makes an answer of a request, which is empty where the key says all."""
@@ -32,8 +35,13 @@ class Bus(Protocol):
     def publish(self, key: str, payload: bytes, priority: Priority = "data") -> None:
         """Send ``payload`` live; it is dropped where the link cannot take it."""
 
-    def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call ``handler`` with everything that is published under ``key_expression``."""
+    def subscribe(
+        self, key_expression: str, handler: Handler, wanted: Wanted | None = None
+    ) -> None:
+        """Call ``handler`` with everything that is published under ``key_expression``.
+
+        Save what is not ``wanted``, which is asked before the bytes are copied.
+        """
 
     def answer(self, key: str, answerer: Answerer) -> None:
         """Answer queries for ``key`` with what ``answerer(request)`` returns; ``None`` is none."""

@@ -6,7 +6,14 @@ import threading
 from typing import Generic, NamedTuple, Self, TypeVar
 
 from shared.bus.guard import HandlerGuard
-from shared.bus.interface import AliveHandler, Answerer, BusClosedError, Handler, Received
+from shared.bus.interface import (
+    AliveHandler,
+    Answerer,
+    BusClosedError,
+    Handler,
+    Received,
+    Wanted,
+)
 from shared.bus.key_expression import check_key, check_key_expression, matches
 from shared.topics import Priority
 
@@ -62,10 +69,20 @@ class MemoryBus:
         for handler in self._handlers(self._network.subscribers, key):
             handler(received)
 
-    def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call ``handler`` with everything that is published under ``key_expression``."""
+    def subscribe(
+        self, key_expression: str, handler: Handler, wanted: Wanted | None = None
+    ) -> None:
+        """Call ``handler`` with everything that is published under ``key_expression``.
+
+        Save what is not ``wanted``.
+        """
         check_key_expression(key_expression)
-        guarded = self._guard.wrap(handler, f"subscriber to {key_expression}")
+
+        def receive(received: Received) -> None:
+            if wanted is None or wanted(received.key, len(received.payload)):
+                handler(received)
+
+        guarded = self._guard.wrap(receive, f"subscriber to {key_expression}")
         self._declare(self._network.subscribers, key_expression, guarded)
 
     def answer(self, key: str, answerer: Answerer) -> None:

@@ -16,7 +16,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, NamedTuple, Self
 
-from shared.bus.interface import AliveHandler, Answerer, BusClosedError, Handler, Received
+from shared.bus.interface import (
+    AliveHandler,
+    Answerer,
+    BusClosedError,
+    Handler,
+    Received,
+    Wanted,
+)
 from shared.bus.key_expression import check_key
 from shared.clock import Clock
 from shared.codec import MAX_PAYLOAD_BYTES
@@ -68,7 +75,9 @@ class WireLogBus:
             self._file.write(payload)
             self._frames += 1
 
-    def subscribe(self, key_expression: str, handler: Handler) -> None:
+    def subscribe(
+        self, key_expression: str, handler: Handler, wanted: Wanted | None = None
+    ) -> None:
         """Nobody publishes: ``handler`` is never called."""
         self._refuse_if_closed()
 

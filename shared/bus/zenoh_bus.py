@@ -18,7 +18,14 @@ import structlog
 import zenoh
 
 from shared.bus.guard import HandlerGuard
-from shared.bus.interface import AliveHandler, Answerer, BusClosedError, Handler, Received
+from shared.bus.interface import (
+    AliveHandler,
+    Answerer,
+    BusClosedError,
+    Handler,
+    Received,
+    Wanted,
+)
 from shared.bus.key_expression import check_key, check_key_expression
 from shared.bus.zenoh_settings import Mode, check_endpoint, session_settings
 from shared.security.bundle import Bundle
@@ -143,14 +150,26 @@ class ZenohBus:
         with self._lock:
             self._unsent += 1
 
-    def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call ``handler`` with everything that is published under ``key_expression``."""
+    def subscribe(
+        self, key_expression: str, handler: Handler, wanted: Wanted | None = None
+    ) -> None:
+        """Call ``handler`` with everything that is published under ``key_expression``.
+
+        Save what is not ``wanted``, which is asked before the bytes are copied, and what is longer
+        than ``zenoh_settings.LONGEST_MESSAGE_BYTES``, which Zenoh drops by itself.
+        """
         check_key_expression(key_expression)
-        guarded = self._guard.wrap(handler, f"subscriber to {key_expression}")
+
+        def hear(sample: zenoh.Sample) -> None:
+            key, payload = str(sample.key_expr), sample.payload
+            if wanted is None or wanted(key, len(payload)):
+                handler(Received(key, payload.to_bytes()))
+
+        guarded = self._guard.wrap(hear, f"subscriber to {key_expression}")
 
         def receive(sample: zenoh.Sample) -> None:
             if not self._closing.is_set():
-                guarded(Received(str(sample.key_expr), sample.payload.to_bytes()))
+                guarded(sample)
 
         self._declare(lambda session: session.declare_subscriber(key_expression, receive))
 

@@ -20,6 +20,9 @@ Mode: TypeAlias = Literal["router", "client"]
 
 OPEN_ATTEMPT_MS = 1500
 LEASE_MS = 2000
+LONGEST_MESSAGE_BYTES = 1 << 20
+"""What is longer never reaches us: Zenoh drops it before it has come in whole."""
+
 
 _ENDPOINT = re.compile(
     r"(?P<protocol>tcp|tls)/(?P<host>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):(?P<port>\d{1,5})"
@@ -52,7 +55,10 @@ def session_settings(
 ) -> dict[str, Any]:
     """Return a session's settings, as Zenoh's configuration file would have them."""
     client = mode == "client"
-    link: dict[str, Any] = {"tx": {"lease": LEASE_MS}}
+    link: dict[str, Any] = {
+        "tx": {"lease": LEASE_MS},
+        "rx": {"max_message_size": LONGEST_MESSAGE_BYTES},
+    }
     settings: dict[str, Any] = {
         "mode": mode,
         "scouting": {
