@@ -22,13 +22,20 @@ MOST_RUNS = 16_384
 MOST_LIVE_RUNS = 64
 """Runs of one key that are remembered as past, where nothing is journalled."""
 
+MOST_TURNED = 16_384
+"""Reasons and nodes that are counted apart; what is beyond counts under ``UNNAMED``."""
+
+UNNAMED = "?"
+
 Turned: TypeAlias = Literal[
-    "repeated", "replayed", "unsealed", "unsigned", "unknown_signer", "forged", "too_many_runs"
-]
+    "repeated", "replayed", "unsealed", "unsigned", "unknown_signer", "forged", "too_many_runs",
+    "expired", "not_yet_valid", "withdrawn",
+]  # fmt: skip
 """Why something did not come in.
 
 ``repeated`` came before, as refilled messages may; ``replayed`` is older than what its sender has
-said since; ``unknown_signer`` may be known later, and is then refilled.
+said since; ``unknown_signer`` may be known later, and is then refilled. ``expired`` and
+``not_yet_valid`` is the signer's certificate, ``withdrawn`` its key.
 """
 
 
@@ -79,7 +86,9 @@ class Gate:
             return None
         why = self._judge(key, key_text, payload)
         if why is not None:
-            self.turned[why, key.node_id] += 1
+            kind = (why, key.node_id)
+            full = len(self.turned) >= MOST_TURNED and kind not in self.turned
+            self.turned[(why, UNNAMED) if full else kind] += 1
         return why
 
     def journal(self, journal: JournalRun) -> ReceivedNumbers | None:
