@@ -9,8 +9,8 @@ from __future__ import annotations
 import gc
 import time
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Sequence
-from threading import Event, Thread
+from collections.abc import Callable, Mapping, Sequence
+from threading import Event, Lock, Thread
 
 import structlog
 
@@ -23,7 +23,8 @@ from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
 from shared.codec import Refusal, decode, parse_key
-from shared.gate import Gate
+from shared.collector import Collector
+from shared.gate import Gate, JournalRun, Missing
 from shared.messages import ExerciseStart
 from shared.time_service import time_answerer
 from shared.topics import (
@@ -50,6 +51,9 @@ LAST_MESSAGES_S = 0.5
 """What is still heard when the post stops is handled for so long, then it is too late."""
 
 MOST_ON_THE_WAY = 20_000
+MOST_WAITING = 5_000
+"""With so many messages in the inbox, no missing ones are asked for."""
+
 SHOW_PERIOD_S = 0.25
 ASK_TIMEOUT_S = 0.5
 MOST_AHEAD_NS = 60 * NS_PER_S
@@ -87,6 +91,7 @@ class Post:
         self._follows_exercise = follows_exercise
         self._show = show
         self._gate = gate or Gate()
+        self._at_gate = Lock()
         self._inbox = FairInbox(INBOX_MESSAGES, INBOX_BYTES)
         self._patience = Patience(time.monotonic())
         self._told: set[tuple[str, str]] = set()
@@ -104,8 +109,15 @@ class Post:
         self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
         self._bus.answer(time_key(settings.incident, settings.post_id), time_answerer(self._clock))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
-        greeter = Thread(target=self._greet, args=(stop,), name="greeter")
-        greeter.start()
+        collector = Collector(
+            self._bus, settings.incident, self._missing, self._inbox.put, has_room=self._has_room
+        )
+        at_work = [
+            Thread(target=self._greet, args=(stop,), name="greeter"),
+            Thread(target=collector.run, args=(stop,), name="collector"),
+        ]
+        for thread in at_work:
+            thread.start()
         next_show_s = time.monotonic()
         while not stop.is_set():
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE, SHOW_PERIOD_S))
@@ -120,7 +132,9 @@ class Post:
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE))
         self._publish(self._recorded.finish(ended_ns))
         self._show(self.roster(ended_ns))
-        greeter.join()
+        for thread in at_work:
+            thread.join()
+        _log.info("refill", counts=dict(collector.counts))
         self._tell_losses()
 
     def roster(self, now_ns: int) -> Roster:
@@ -141,11 +155,20 @@ class Post:
         for notice in self._incident.take_notices():
             _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
 
+    def _missing(self, behind: Mapping[JournalRun, int]) -> list[Missing]:
+        """Say what is missing, to the collector's thread."""
+        with self._at_gate:
+            return self._gate.missing(behind)
+
+    def _has_room(self) -> bool:
+        return len(self._inbox) < MOST_WAITING
+
     def _lets_in(self, received: Received) -> bool:
         """Say whether a message is to be recorded and handled; where not, it is counted."""
         key, payload = received
         sender = sender_of(key)
-        why = self._gate.admit(key, payload)
+        with self._at_gate:
+            why = self._gate.admit(key, payload)
         if why is not None:
             if why != "repeated":
                 self._tell_once(f"turned away: {why}", sender)

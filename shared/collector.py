@@ -9,7 +9,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Literal, Self, TypeAlias
+from typing import Literal, TypeAlias
 
 import structlog
 
@@ -22,7 +22,7 @@ from shared.refill import refilled, request_of
 from shared.refill_plan import Ask, RefillPlan
 from shared.topics import Role, journal_key
 
-TIMEOUT_S = 2.0
+TIMEOUT_S = 1.5
 IDLE_S = 0.1
 SILENCE_S = 3.0
 """Who has not beaten for so long was away."""
@@ -40,7 +40,7 @@ _log = structlog.stdlib.get_logger(__name__)
 
 
 class Collector:
-    """Refills what is missing, on a thread of its own within a ``with`` block.
+    """Refills what is missing, on a thread that ``run`` is given.
 
     ``counts``: requests ``asked`` and ``unanswered``; messages ``refilled`` (handed on), and what
     replies had that was not asked for (``unasked``).
@@ -66,20 +66,12 @@ class Collector:
         self._plan = RefillPlan()
         self._beats: Inbox[Received] = Inbox(MOST_BEATS)
         self._heard_s: dict[tuple[Role, str], float] = {}
-        self._stop = threading.Event()
-        # No daemon: it is inside Zenoh when it asks.
-        self._thread = threading.Thread(target=self._run, name="collector", daemon=False)
         bus.subscribe(f"clew/v1/{incident}/{of}/*/beat", self._beats.put)
 
-    def __enter__(self) -> Self:
-        """Begin to collect."""
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Collect no more."""
-        self._stop.set()
-        self._thread.join()
+    def run(self, stop: threading.Event) -> None:
+        """Collect until ``stop`` is set. The thread must be no daemon: it is inside Zenoh."""
+        while not stop.wait(self.collect()):
+            pass
 
     def collect(self) -> float:
         """Make one request, if one is due; return how many seconds to wait until the next."""
@@ -89,10 +81,6 @@ class Collector:
             return IDLE_S
         ask = self._plan.next(self._missing(self._plan.behind), now_s)
         return IDLE_S if ask is None else self._make(ask)
-
-    def _run(self) -> None:
-        while not self._stop.wait(self.collect()):
-            pass
 
     def _make(self, ask: Ask) -> float:
         journal = ask.missing.journal
