@@ -14,6 +14,7 @@ from threading import Event, Lock, Thread
 
 import structlog
 
+from command_post.freshness import NodeWatch
 from command_post.incident import Incident
 from command_post.patience import Patience
 from command_post.recording import Outgoing, RecordedIncident, Recorder
@@ -94,9 +95,11 @@ class Post:
         self._at_gate = Lock()
         self._inbox = FairInbox(INBOX_MESSAGES, INBOX_BYTES)
         self._patience = Patience(time.monotonic())
+        self._watch = NodeWatch()
         self._told: set[tuple[str, str]] = set()
         self._alive: set[tuple[Role, str]] = set()
         self._joined: Inbox[Key] = Inbox(1000)
+        self._seen: Inbox[tuple[str, str, bool]] = Inbox(1000)
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
         self._said: OrderedDict[Received, None] = OrderedDict()
@@ -122,6 +125,7 @@ class Post:
         while not stop.is_set():
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE, SHOW_PERIOD_S))
             if time.monotonic() >= next_show_s:
+                self._tell_comings()
                 self._show(self.roster(self._clock.now_ns()))
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
@@ -139,7 +143,16 @@ class Post:
 
     def roster(self, now_ns: int) -> Roster:
         """Return who is where at ``now_ns`` of the post's clock."""
-        return make_roster(self._incident, now_ns, RosterSettings(), tuple(self._alive))
+        alive = tuple(self._alive)
+        nodes = self._watch.fresh(now_ns, alive, self._gate, self._useless())
+        return make_roster(self._incident, now_ns, RosterSettings(), alive, nodes)
+
+    def _useless(self) -> Counter[str]:
+        """Return how much of no use each sender has sent."""
+        useless = self._patience.useless.copy()
+        for (_, sender), count in self._inbox.lost().items():
+            useless[sender] += count
+        return useless
 
     def _handle_all(self, messages: Sequence[Received]) -> None:
         for received in messages:
@@ -148,8 +161,9 @@ class Post:
             key, payload = received
             if self._follows_exercise and key not in self._own_keys:
                 self._follow(key, payload)
-            refused = self._incident.refused
-            self._publish(self._recorded.handle(key, payload, self._clock.now_ns()))
+            refused, now_ns = self._incident.refused, self._clock.now_ns()
+            self._watch.hear(key, payload, now_ns)
+            self._publish(self._recorded.handle(key, payload, now_ns))
             if self._incident.refused > refused:
                 self._blame(received)
         for notice in self._incident.take_notices():
@@ -224,6 +238,7 @@ class Post:
 
     def _note_alive(self, key: str, is_alive: bool) -> None:
         incident, role, node_id = key.split("/")[2:5]
+        self._seen.put((role, node_id, is_alive))
         for node_role, topic in _ASKED.items():
             if role != node_role:
                 continue
@@ -242,6 +257,10 @@ class Post:
             key = self._joined.get(SHOW_PERIOD_S)
             for received in self._bus.query(str(key), ASK_TIMEOUT_S) if key is not None else ():
                 self._inbox.put(received)
+
+    def _tell_comings(self) -> None:
+        for role, node_id, is_alive in self._seen.get_all():
+            _log.info("a node comes" if is_alive else "a node goes", role=role, node_id=node_id)
 
     def _tell_losses(self) -> None:
         refused = Counter[tuple[str, str]](self._incident.refusals)

@@ -125,6 +125,8 @@ class Gate:
                 return why
         if TOPICS[key.topic].journalled:
             return self._take_journalled(key, seal)
+        if key_text not in self._live and len(self._live) >= MOST_RUNS:
+            return "too_many_runs"
         why = self._live.setdefault(key_text, _LiveRuns()).take(seal)
         if why is None and key.topic == "beat":
             self._heed(key, payload)
