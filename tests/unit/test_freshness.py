@@ -157,7 +157,7 @@ def test_the_roster_shows_the_words_and_is_json() -> None:
     incident.handle("clew/v1/test/responder/r1/beat", encode(beat(1.0, 240)), at(1.0))
     nodes = post.watch.fresh(at(8.0), [R1], post.gate, {"responder/r1": 50, "dap/mad": 99_000})
     roster = make_roster(incident, at(8.0), RosterSettings(), [R1], nodes)
-    console = Console(width=160)
+    console = Console(width=240)
     with console.capture() as captured:
         console.print(roster_table(roster))
     said = captured.get()
