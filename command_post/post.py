@@ -9,23 +9,23 @@ from __future__ import annotations
 import gc
 import time
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Mapping, Sequence
-from threading import Event, Lock, Thread
+from collections.abc import Callable, Sequence
+from threading import Event, Thread
 
 import structlog
 
-from command_post.freshness import NodeWatch
 from command_post.incident import Incident
 from command_post.patience import Patience
 from command_post.recording import Outgoing, RecordedIncident, Recorder
+from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from shared.bus.fair_inbox import FairInbox, sender_of
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
 from shared.codec import Refusal, decode, parse_key
-from shared.collector import Collector
-from shared.gate import Gate, JournalRun, Missing
+from shared.gate import Gate
+from shared.mcap_reader import Recording
 from shared.messages import ExerciseStart
 from shared.time_service import time_answerer
 from shared.topics import (
@@ -52,9 +52,6 @@ LAST_MESSAGES_S = 0.5
 """What is still heard when the post stops is handled for so long, then it is too late."""
 
 MOST_ON_THE_WAY = 20_000
-MOST_WAITING = 5_000
-"""With so many messages in the inbox, no missing ones are asked for."""
-
 SHOW_PERIOD_S = 0.25
 ASK_TIMEOUT_S = 0.5
 MOST_AHEAD_NS = 60 * NS_PER_S
@@ -92,18 +89,42 @@ class Post:
         self._follows_exercise = follows_exercise
         self._show = show
         self._gate = gate or Gate()
-        self._at_gate = Lock()
         self._inbox = FairInbox(INBOX_MESSAGES, INBOX_BYTES)
         self._patience = Patience(time.monotonic())
-        self._watch = NodeWatch()
         self._told: set[tuple[str, str]] = set()
         self._alive: set[tuple[Role, str]] = set()
         self._joined: Inbox[Key] = Inbox(1000)
-        self._seen: Inbox[tuple[str, str, bool]] = Inbox(1000)
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
         self._said: OrderedDict[Received, None] = OrderedDict()
         """What was published last: the bus hands a node's own messages back to it."""
+
+        self._to_say_again: Sequence[Outgoing] = ()
+
+    def take_up(self, recording: Recording) -> None:
+        """Take the incident up where ``recording``, which is gone on with, was broken off.
+
+        To be called before ``serve``. Raises ``RecordingError`` if it cannot be read.
+        """
+        began_s = time.monotonic()
+        resumed = resume(recording, self._incident, self._recall)
+        self._incident.take_notices()
+        self._recorder.mark_resumed(self._clock.now_ns())
+        for time_ns, key, payload in resumed.unrecorded:
+            self._recorder.put(key, payload, time_ns, outgoing=True)
+        # Who waited for it may have missed it.
+        self._to_say_again = [*resumed.dap_places, *resumed.unrecorded]
+        took_s = round(time.monotonic() - began_s, 1)
+        _log.warning("taken up again", handled=resumed.handled, took_s=took_s)
+        for damage in recording.report.damages:
+            _log.warning("of the recording is lost", what=str(damage))
+        if resumed.differing:
+            _log.warning("made otherwise than it was recorded", count=resumed.differing)
+
+    def _recall(self, key: str, payload: bytes) -> None:
+        self._gate.recall(key, payload)
+        if self._follows_exercise and key not in self._own_keys:
+            self._follow(key, payload)
 
     def serve(self, stop: Event) -> None:
         """Serve until ``stop`` is set, then finish the incident and say what was lost."""
@@ -112,20 +133,13 @@ class Post:
         self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
         self._bus.answer(time_key(settings.incident, settings.post_id), time_answerer(self._clock))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
-        collector = Collector(
-            self._bus, settings.incident, self._missing, self._inbox.put, has_room=self._has_room
-        )
-        at_work = [
-            Thread(target=self._greet, args=(stop,), name="greeter"),
-            Thread(target=collector.run, args=(stop,), name="collector"),
-        ]
-        for thread in at_work:
-            thread.start()
+        greeter = Thread(target=self._greet, args=(stop,), name="greeter")
+        greeter.start()
         next_show_s = time.monotonic()
+        self._publish(self._to_say_again)
         while not stop.is_set():
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE, SHOW_PERIOD_S))
             if time.monotonic() >= next_show_s:
-                self._tell_comings()
                 self._show(self.roster(self._clock.now_ns()))
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
@@ -136,23 +150,12 @@ class Post:
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE))
         self._publish(self._recorded.finish(ended_ns))
         self._show(self.roster(ended_ns))
-        for thread in at_work:
-            thread.join()
-        _log.info("refill", counts=dict(collector.counts))
+        greeter.join()
         self._tell_losses()
 
     def roster(self, now_ns: int) -> Roster:
         """Return who is where at ``now_ns`` of the post's clock."""
-        alive = tuple(self._alive)
-        nodes = self._watch.fresh(now_ns, alive, self._gate, self._useless())
-        return make_roster(self._incident, now_ns, RosterSettings(), alive, nodes)
-
-    def _useless(self) -> Counter[str]:
-        """Return how much of no use each sender has sent."""
-        useless = self._patience.useless.copy()
-        for (_, sender), count in self._inbox.lost().items():
-            useless[sender] += count
-        return useless
+        return make_roster(self._incident, now_ns, RosterSettings(), tuple(self._alive))
 
     def _handle_all(self, messages: Sequence[Received]) -> None:
         for received in messages:
@@ -161,28 +164,18 @@ class Post:
             key, payload = received
             if self._follows_exercise and key not in self._own_keys:
                 self._follow(key, payload)
-            refused, now_ns = self._incident.refused, self._clock.now_ns()
-            self._watch.hear(key, payload, now_ns)
-            self._publish(self._recorded.handle(key, payload, now_ns))
+            refused = self._incident.refused
+            self._publish(self._recorded.handle(key, payload, self._clock.now_ns()))
             if self._incident.refused > refused:
                 self._blame(received)
         for notice in self._incident.take_notices():
             _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
 
-    def _missing(self, behind: Mapping[JournalRun, int]) -> list[Missing]:
-        """Say what is missing, to the collector's thread."""
-        with self._at_gate:
-            return self._gate.missing(behind)
-
-    def _has_room(self) -> bool:
-        return len(self._inbox) < MOST_WAITING
-
     def _lets_in(self, received: Received) -> bool:
         """Say whether a message is to be recorded and handled; where not, it is counted."""
         key, payload = received
         sender = sender_of(key)
-        with self._at_gate:
-            why = self._gate.admit(key, payload)
+        why = self._gate.admit(key, payload)
         if why is not None:
             if why != "repeated":
                 self._tell_once(f"turned away: {why}", sender)
@@ -238,7 +231,6 @@ class Post:
 
     def _note_alive(self, key: str, is_alive: bool) -> None:
         incident, role, node_id = key.split("/")[2:5]
-        self._seen.put((role, node_id, is_alive))
         for node_role, topic in _ASKED.items():
             if role != node_role:
                 continue
@@ -257,10 +249,6 @@ class Post:
             key = self._joined.get(SHOW_PERIOD_S)
             for received in self._bus.query(str(key), ASK_TIMEOUT_S) if key is not None else ():
                 self._inbox.put(received)
-
-    def _tell_comings(self) -> None:
-        for role, node_id, is_alive in self._seen.get_all():
-            _log.info("a node comes" if is_alive else "a node goes", role=role, node_id=node_id)
 
     def _tell_losses(self) -> None:
         refused = Counter[tuple[str, str]](self._incident.refusals)

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self, TypeAlias
 
 import structlog
 
@@ -24,6 +24,8 @@ QUEUE_MESSAGES = 100_000
 QUEUE_BYTES = 1 << 26
 SYNC_PERIOD_NS = 1_000_000_000
 """The most that a kill or a power cut may take."""
+
+RETRY_S = 2.0
 
 _log = structlog.get_logger(__name__)
 
@@ -53,8 +55,11 @@ class Incident(Protocol):
 class Record(Protocol):
     """What messages are put into: a ``Recorder``, or a ``RecordingFile`` itself."""
 
-    def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> None:
-        """Add a message that was received at ``log_time_ns``, or made then (``outgoing``)."""
+    def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> bool:
+        """Add a message that was received at ``log_time_ns``, or made then (``outgoing``).
+
+        Say whether it is taken.
+        """
 
     def mark_end(self, now_ns: int) -> None:
         """Say that the incident was finished at ``now_ns``: no more is received."""
@@ -70,13 +75,21 @@ class RecordedIncident:
     the incident, if at all, through ``handle``.
     """
 
-    def __init__(self, incident: Incident, record: Record) -> None:
+    def __init__(
+        self,
+        incident: Incident,
+        record: Record,
+        lost: Callable[[str, bytes], None] = lambda _key, _payload: None,
+    ) -> None:
+        """``lost`` is told what was received and finds no room in the record."""
         self._incident = incident
         self._record = record
+        self._lost = lost
 
     def handle(self, key: str, payload: bytes, now_ns: int) -> Sequence[Outgoing]:
         """Record a message received at ``now_ns`` and handle it; record and return the outcome."""
-        self._record.put(key, payload, now_ns)
+        if not self._record.put(key, payload, now_ns):
+            self._lost(key, payload)
         return self._recorded(self._incident.handle(key, payload, now_ns), now_ns)
 
     def finish(self, now_ns: int) -> Sequence[Outgoing]:
@@ -91,7 +104,7 @@ class RecordedIncident:
 
 
 class RecorderStatus(NamedTuple):
-    """How the recorder fares. ``fault``: why nothing is recorded any more, if so."""
+    """How the recorder fares. ``fault``: why nothing is recorded at the moment, if so."""
 
     queued: int
     written: int
@@ -103,8 +116,8 @@ class Recorder:
     """Records on a thread of its own, so that whoever hears messages never waits for the disk.
 
     Between the two stands a bounded queue; what finds no room is dropped, counted and logged, and
-    the recording says so as well. When the disk fails, the file so far is kept, unfinished, the
-    rest counts as dropped, and the program goes on.
+    the recording says so as well. While the disk fails, what comes waits in the queue, and the
+    disk is tried again every ``retry_s``: nothing is missing if it recovers in time.
     """
 
     def __init__(
@@ -113,49 +126,72 @@ class Recorder:
         metadata: Mapping[str, str],
         *,
         replace: bool = False,
+        resume: bool = False,
         queue_messages: int = QUEUE_MESSAGES,
         queue_bytes: int = QUEUE_BYTES,
+        retry_s: float = RETRY_S,
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        """Begin the recording. Raises ``RecorderError`` as ``RecordingFile`` does."""
-        self._file = RecordingFile(path, metadata, replace=replace)
+        """Begin the recording, or go on with it. Raises ``RecorderError`` as ``RecordingFile``."""
+        self._file = RecordingFile(path, metadata, replace=replace, resume=resume)
+        self.unfinished = self._file.part if self._file.is_resumed else None
+        """Where the recording is that it goes on with, if so: to be read before anything is put."""
+
         self._queue_messages = queue_messages
         self._queue_bytes = queue_bytes
+        self._retry_s = retry_s
         self._monotonic_ns = monotonic_ns
         self._changed = threading.Condition()
-        self._queue: deque[_Item | _End] = deque()
+        self._queue: deque[_Entry] = deque()
+        self._unsynced: list[_Entry] = []
+        """What is in the file, but may not be on the disk."""
+
         self._queued_bytes = 0
+        self._taken = 0
+        self._safe = 0
         self._written = 0
-        self._dropped = 0
-        self._dropped_told = 0
+        self._dropped = self._dropped_told = self._file.dropped_before
         self._fault: str | None = None
-        self._unsynced = False
         self._synced_ns = monotonic_ns()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
-    def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> None:
+    @property
+    def taken(self) -> int:
+        """How many messages it has taken so far."""
+        return self._taken
+
+    @property
+    def safe(self) -> int:
+        """How many of them, the first ones, would survive a power cut."""
+        return self._safe
+
+    def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> bool:
         """Have a message recorded, received at ``log_time_ns`` or made then (``outgoing``).
 
-        Never waits for the disk. Any thread may call it; the order of calls is kept.
+        Never waits for the disk; ``False`` if it is dropped. Any thread may call it; the order of
+        calls is kept.
         """
         with self._changed:
             full = len(self._queue) >= self._queue_messages
             too_much = self._queued_bytes + len(payload) > self._queue_bytes
-            if full or too_much or self._fault or self._closing:
+            if full or too_much or self._closing:
                 self._dropped += 1
-                return
-            self._queue.append(_Item(key, payload, log_time_ns, outgoing))
-            self._queued_bytes += len(payload)
-            self._changed.notify()
+                return False
+            self._taken += 1
+            self._enqueue(_Item(key, payload, log_time_ns, outgoing))
+            return True
 
     def mark_end(self, now_ns: int) -> None:
         """Say that the incident was finished at ``now_ns``: no more is received."""
         with self._changed:
-            if not (self._fault or self._closing):
-                self._queue.append(_End(now_ns))
-                self._changed.notify()
+            self._enqueue(_End(now_ns))
+
+    def mark_resumed(self, now_ns: int) -> None:
+        """Say that the recording is gone on with since ``now_ns``."""
+        with self._changed:
+            self._enqueue(_Resumed(now_ns))
 
     def status(self) -> RecorderStatus:
         """Return how it fares now."""
@@ -163,7 +199,10 @@ class Recorder:
             return RecorderStatus(len(self._queue), self._written, self._dropped, self._fault)
 
     def close(self) -> RecorderStatus:
-        """Write what is queued, finish the file, and return how it went. Twice is harmless."""
+        """Write what is queued, finish the file, and return how it went. Twice is harmless.
+
+        If the disk fails even now, the file so far is kept, unfinished, and the rest is dropped.
+        """
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -183,49 +222,76 @@ class Recorder:
         """Close."""
         self.close()
 
+    def _enqueue(self, entry: _Entry) -> None:
+        if not self._closing:
+            self._queue.append(entry)
+            self._queued_bytes += entry.size_bytes
+            self._changed.notify()
+
     def _run(self) -> None:
         try:
+            while not self._has_recorded_all():
+                self._await_retry()
+        except Exception as error:
+            # Whatever ends this thread must be known outside, and must not end the program.
+            self._give_up(str(error))
+
+    def _has_recorded_all(self) -> bool:
+        """Record until the end; ``False`` if the disk fails and is to be tried again."""
+        # Who closes does not wait for the disk more than once.
+        last_try = self._closing
+        try:
+            if self._fault is not None:
+                self._mend()
             while self._step():
                 self._sync_if_due()
             self._tell_dropped()
             self._file.finish()
-        except Exception as error:
-            # Whatever ends this thread must be known outside, and must not end the program.
-            self._give_up(error)
+        except OSError as error:
+            self._take_back(error)
+            if last_try:
+                self._give_up(str(error))
+            return last_try
+        self._safe = self._taken
+        return True
 
     def _step(self) -> bool:
         """Wait for a message until the next sync is due, and write it; ``False`` at the end."""
         with self._changed:
             if not self._queue and not self._closing:
                 self._changed.wait(self._seconds_until_sync() if self._unsynced else None)
-            item = self._queue.popleft() if self._queue else None
-            self._queued_bytes -= len(item.payload) if isinstance(item, _Item) else 0
-            going_on = item is not None or not self._closing
-        if item is not None:
-            self._write(item)
+            entry = self._queue.popleft() if self._queue else None
+            self._queued_bytes -= entry.size_bytes if entry is not None else 0
+            going_on = entry is not None or not self._closing
+        if entry is not None:
+            self._write(entry)
         return going_on
 
-    def _write(self, item: _Item | _End) -> None:
+    def _write(self, entry: _Entry) -> None:
+        self._unsynced.append(entry)
         try:
-            item.write_to(self._file)
+            entry.write_to(self._file)
         except (struct.error, OverflowError) as error:
             # A time beyond what the format can hold: that message is lost, not the recording.
             with self._changed:
                 self._dropped += 1
             _log.error("a message cannot be recorded", why=str(error))
             return
-        self._unsynced = True
-        self._written += isinstance(item, _Item)
+        self._written += isinstance(entry, _Item)
 
     def _seconds_until_sync(self) -> float:
         return max(0, self._synced_ns + SYNC_PERIOD_NS - self._monotonic_ns()) / NS_PER_S
 
     def _sync_if_due(self) -> None:
         if self._unsynced and self._seconds_until_sync() == 0.0:
-            self._tell_dropped()
-            self._file.sync()
-            self._unsynced = False
-            self._synced_ns = self._monotonic_ns()
+            self._sync()
+
+    def _sync(self) -> None:
+        self._tell_dropped()
+        self._file.sync()
+        self._safe += sum(isinstance(each, _Item) for each in self._unsynced)
+        self._unsynced.clear()
+        self._synced_ns = self._monotonic_ns()
 
     def _tell_dropped(self) -> None:
         dropped = self.status().dropped
@@ -234,13 +300,45 @@ class Recorder:
             self._file.mark_dropped(dropped)
             self._dropped_told = dropped
 
-    def _give_up(self, error: Exception) -> None:
+    def _take_back(self, error: OSError) -> None:
+        """Put back into the queue what may not be on the disk, and say what is wrong."""
+        self._file.abandon()
+        fault = f"{self._file.path}: recording has stopped: {error}"
+        with self._changed:
+            is_news = self._fault is None
+            self._fault = fault
+            self._written -= sum(isinstance(each, _Item) for each in self._unsynced)
+            self._queue.extendleft(reversed(self._unsynced))
+            self._queued_bytes += sum(each.size_bytes for each in self._unsynced)
+        self._unsynced.clear()
+        if is_news:
+            _log.error(fault, kept_until_then=self._written)
+
+    def _await_retry(self) -> None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._closing, self._retry_s)
+
+    def _mend(self) -> None:
+        """Go on with the file behind what is safe, with all that has waited since."""
+        self._file.mend()
+        self._dropped_told = self._file.dropped_before
+        while self.status().queued:
+            self._step()
+            self._sync_if_due()
+        self._sync()
+        with self._changed:
+            self._fault = None
+        _log.warning("recording goes on", dropped=self.status().dropped)
+
+    def _give_up(self, why: str) -> None:
         self._file.abandon()
         with self._changed:
-            self._fault = f"{self._file.path}: recording has stopped: {error}"
-            self._dropped += len(self._queue)
+            self._closing = True
+            self._fault = f"{self._file.path}: recording has stopped: {why}"
+            self._dropped += sum(isinstance(each, _Item) for each in self._queue)
             self._queue.clear()
-        _log.error(self._fault, kept_until_then=self._written)
+            self._queued_bytes = 0
+        _log.error(self._fault, kept_until_then=self._written, dropped=self._dropped)
 
 
 class _Item(NamedTuple):
@@ -249,12 +347,28 @@ class _Item(NamedTuple):
     log_time_ns: int
     outgoing: bool
 
+    @property
+    def size_bytes(self) -> int:
+        return len(self.payload)
+
     def write_to(self, file: RecordingFile) -> None:
         file.put(self.key, self.payload, self.log_time_ns, outgoing=self.outgoing)
 
 
 class _End(NamedTuple):
     now_ns: int
+    size_bytes: int = 0
 
     def write_to(self, file: RecordingFile) -> None:
         file.mark_end(self.now_ns)
+
+
+class _Resumed(NamedTuple):
+    now_ns: int
+    size_bytes: int = 0
+
+    def write_to(self, file: RecordingFile) -> None:
+        file.mark_resumed(self.now_ns)
+
+
+_Entry: TypeAlias = _Item | _End | _Resumed

@@ -15,12 +15,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 
+from command_post.recording_layout import Declared, WholePart, ending, whole_part
 from shared.codec import Refusal, decode, parse_key
 from shared.files import sync_folder
-from shared.mcap_reader import ABOUT, CHANNEL, DROPPED, END, Excerpt
+from shared.mcap_reader import ABOUT, CHANNEL, DROPPED, END, RESUMED, Excerpt, RecordingError
+from shared.mcap_records import MAGIC
 from shared.messages import Message
 from shared.topics import TOPICS, WIRE_VERSION
 
@@ -37,6 +40,7 @@ EXCERPTS = "clew/excerpts"
 """Topic of the channel for messages that are kept in part, or away from their own key."""
 
 _NO_SCHEMA = 0
+_MESSAGES = {topic.message.__name__: topic.message for topic in TOPICS.values()}
 
 
 class RecorderError(RuntimeError):
@@ -46,31 +50,53 @@ class RecorderError(RuntimeError):
 class RecordingFile:
     """An MCAP file that messages are put into, by one thread. Depends on no clock.
 
-    Any method raises ``OSError`` when the disk does; after that, only ``abandon`` it.
+    Any method raises ``OSError`` when the disk does; after that, ``abandon`` the file, or ``mend``
+    it and put in anew what had been put in since it was last synced.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str], *, replace: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        metadata: Mapping[str, str],
+        *,
+        replace: bool = False,
+        resume: bool = False,
+    ) -> None:
         """Begin ``path``; ``metadata`` says what is recorded and all that a replay needs to know.
 
-        Raises ``RecorderError`` if it cannot be begun, or is there already and not to be replaced.
+        With ``resume``, an unfinished recording with the same ``metadata`` is gone on with behind
+        all that is whole of it. Raises ``RecorderError`` if the recording cannot be begun, is there
+        already and not to be replaced, or unfinished and not to be gone on with.
         """
         self.path = path
-        self._part = path.with_name(f"{path.name}.part")
+        self.part = path.with_name(f"{path.name}.part")
+        """What it is called until it is finished."""
+
+        self.is_resumed = False
+        self.dropped_before = 0
+        """How many messages were missing when it was broken off."""
+
         self._channels: dict[_Channel, int] = {}
         self._schemas: dict[str, int] = {}
+        self._declared = Declared()
         if path.exists() and not replace:
             raise RecorderError(f"{path}: is there already; give the recording another name")
+        whole = _to_be_resumed(self.part, metadata) if resume else None
+        mode = "r+b" if whole is not None else "wb" if replace or resume else "xb"
         try:
-            self._stream = self._part.open("wb" if replace else "xb")
+            self._stream = self.part.open(mode)
         except FileExistsError:
             raise RecorderError(
-                f"{self._part}: an unfinished recording; move it, or give this one another name"
+                f"{self.part}: an unfinished recording; move it, or give this one another name"
             ) from None
         except OSError as error:
             raise _cannot_be_written(path, error) from error
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
+        self._writer = self._new_writer()
         try:
-            self._begin(metadata)
+            if whole is None:
+                self._begin(metadata)
+            else:
+                self._resume(whole)
         except OSError as error:
             self.abandon()
             raise _cannot_be_written(path, error) from error
@@ -81,16 +107,61 @@ class RecordingFile:
         self._writer.add_metadata(ABOUT, {**metadata, **software})
         self.sync()
 
-    def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> None:
+    def _resume(self, whole: WholePart) -> None:
+        self.dropped_before = whole.dropped_count
+        self._declared = whole.declared.without_gaps()
+        for number, schema in self._declared.schemas.items():
+            self._schemas[schema.name] = number
+        for number, channel in self._declared.channels.items():
+            self._channels[_channel_of(channel, self._declared)] = number
+        self._go_on_at(whole.end_bytes)
+        for message in whole.unindexed:
+            self._writer.add_message(
+                message.channel_id, message.log_time, message.data, message.publish_time,
+                message.sequence,
+            )  # fmt: skip
+        if whole.dropped_count:
+            self.mark_dropped(whole.dropped_count)
+        self.sync()
+
+    def _go_on_at(self, end_bytes: int) -> None:
+        """Cut the file off there, and have what follows declare all channels once more."""
+        self._stream.truncate(end_bytes)
+        self._stream.seek(end_bytes)
+        self._writer = self._new_writer()
+        for schema in self._declared.schemas.values():
+            self._writer.register_schema(schema.name, schema.encoding, schema.data)
+        for channel in self._declared.channels.values():
+            self._writer.register_channel(
+                channel.topic, channel.message_encoding, channel.schema_id, channel.metadata
+            )
+        self.is_resumed = True
+
+    def _new_writer(self) -> Writer:
+        return Writer(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
+
+    def mend(self) -> None:
+        """Go on, after an ``OSError``, behind what was synced last.
+
+        Raises ``OSError`` as long as that is not possible, and can be called again then.
+        """
+        self.abandon()
+        self._stream = self.part.open("r+b")
+        self._go_on_at(self._synced_bytes)
+        for number in range(self._synced_channels + 1, len(self._declared.channels) + 1):
+            self._tell_channel(self._declared.channels[number])
+
+    def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> bool:
         """Add a message that was received at ``log_time_ns``, or made then (``outgoing``).
 
-        It is passed over if its topic is one that is not to be recorded.
+        It is passed over if its topic is one that is not to be recorded. Whatever is not taken
+        raises.
         """
         parsed = parse_key(key)
         if not isinstance(parsed, Refusal) and not TOPICS[parsed.topic].recorded:
-            return
+            return True
         message = parsed if isinstance(parsed, Refusal) else decode(parsed, payload)
-        schema = None if isinstance(message, Refusal) else type(message)
+        schema = None if isinstance(message, Refusal) else type(message).__name__
         channel = _Channel(key, schema, outgoing)
         if len(payload) > MAX_PAYLOAD_BYTES or not self._has_place(channel):
             channel = _Channel(EXCERPTS, None, outgoing, excerpt=True)
@@ -102,6 +173,7 @@ class RecordingFile:
             publish_time=log_time_ns if isinstance(message, Refusal) else message.event_time_ns,
             sequence=0 if isinstance(message, Refusal) else message.sequence % (1 << 32),
         )
+        return True
 
     def mark_end(self, now_ns: int) -> None:
         """Say that the incident was finished at ``now_ns``: no more is received."""
@@ -111,18 +183,29 @@ class RecordingFile:
         """Say that so far ``count`` messages are missing."""
         self._writer.add_metadata(DROPPED, {"count": str(count)})
 
+    def mark_resumed(self, now_ns: int) -> None:
+        """Say that it had been broken off, and is gone on with since ``now_ns``."""
+        self._writer.add_metadata(RESUMED, {"time_ns": str(now_ns)})
+
     def sync(self) -> None:
         """Return once all that was put in would survive a power cut."""
         self._writer.flush()
         os.fsync(self._stream.fileno())
+        self._synced_bytes = self._stream.tell()
+        self._synced_channels = len(self._channels)
 
     def finish(self) -> None:
         """End the file with its index, and give it its name."""
-        self._writer.finish()
+        if self.is_resumed:
+            # The library knows of what it has written itself since.
+            self._writer.flush()
+            self._stream.write(ending(self.part, self._declared))
+        else:
+            self._writer.finish()
         self._stream.flush()
         os.fsync(self._stream.fileno())
         self._stream.close()
-        self._part.replace(self.path)
+        self.part.replace(self.path)
         sync_folder(self.path.parent)
 
     def abandon(self) -> None:
@@ -134,7 +217,7 @@ class RecordingFile:
     def discard(self) -> None:
         """Leave nothing of the file."""
         self.abandon()
-        self._part.unlink(missing_ok=True)
+        self.part.unlink(missing_ok=True)
 
     def _has_place(self, channel: _Channel) -> bool:
         return channel in self._channels or len(self._channels) < MAX_CHANNELS
@@ -143,25 +226,48 @@ class RecordingFile:
         if channel not in self._channels:
             marks = {"outgoing": channel.outgoing, "excerpt": channel.excerpt}
             metadata = {name: "yes" for name, applies in marks.items() if applies}
-            number = self._writer.register_channel(
-                channel.topic,
-                MessageEncoding.MessagePack if channel.schema or channel.excerpt else "",
-                self._schema_id(channel.schema) if channel.schema else _NO_SCHEMA,
-                metadata,
-            )
-            self._writer.add_metadata(
-                CHANNEL, {"id": str(number), "topic": channel.topic, **metadata}
-            )
+            encoding = MessageEncoding.MessagePack if channel.schema or channel.excerpt else ""
+            schema_id = self._schema_id(channel.schema) if channel.schema else _NO_SCHEMA
+            number = self._writer.register_channel(channel.topic, encoding, schema_id, metadata)
+            declared = Channel(number, channel.topic, encoding, metadata, schema_id)
+            self._declared.channels[number] = declared
             self._channels[channel] = number
+            self._tell_channel(declared)
         return self._channels[channel]
 
-    def _schema_id(self, message: type[Message]) -> int:
-        name = message.__name__
+    def _tell_channel(self, channel: Channel) -> None:
+        marks = {"id": str(channel.id), "topic": channel.topic, **channel.metadata}
+        self._writer.add_metadata(CHANNEL, marks)
+
+    def _schema_id(self, name: str) -> int:
         if name not in self._schemas:
-            self._schemas[name] = self._writer.register_schema(
-                name, SchemaEncoding.JSONSchema, json_schema(message)
-            )
+            data = json_schema(_MESSAGES[name])
+            number = self._writer.register_schema(name, SchemaEncoding.JSONSchema, data)
+            self._declared.schemas[number] = Schema(number, data, SchemaEncoding.JSONSchema, name)
+            self._schemas[name] = number
         return self._schemas[name]
+
+
+def _to_be_resumed(part: Path, metadata: Mapping[str, str]) -> WholePart | None:
+    """Return what is whole of the file ``part``; ``None`` if nothing was recorded in it yet.
+
+    Raises ``RecorderError`` if it is not to be gone on with.
+    """
+    if not part.exists() or part.stat().st_size < len(MAGIC):
+        return None
+    try:
+        whole = whole_part(part)
+    except RecordingError as error:
+        raise RecorderError(f"{error}; move it, or give this recording another name") from error
+    if whole.about is None:
+        return None
+    elsewhere = "move it, or give this recording another name"
+    if whole.ended:
+        raise RecorderError(f"{part}: is of an incident that was ended; {elsewhere}")
+    differ = [name for name in metadata if metadata[name] != whole.about.get(name)]
+    if differ:
+        raise RecorderError(f"{part}: was begun with other {', '.join(differ)}; {elsewhere}")
+    return whole
 
 
 def _cannot_be_written(path: Path, error: OSError) -> RecorderError:
@@ -170,9 +276,18 @@ def _cannot_be_written(path: Path, error: OSError) -> RecorderError:
 
 class _Channel(NamedTuple):
     topic: str
-    schema: type[Message] | None
+    schema: str | None
     outgoing: bool
     excerpt: bool = False
+
+
+def _channel_of(channel: Channel, declared: Declared) -> _Channel:
+    schema = declared.schemas.get(channel.schema_id)
+    name = None if schema is None else schema.name
+    marks = channel.metadata
+    return _Channel(
+        channel.topic, name, "outgoing" in marks, "excerpt" in marks
+    )  # fmt: skip
 
 
 def json_schema(message: type[Message]) -> bytes:

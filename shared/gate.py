@@ -7,7 +7,7 @@ at an agent before an order is heeded. Whoever refills what was missed asks here
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from shared.codec import MAX_PAYLOAD_BYTES, Refusal, decode, parse_key
@@ -55,11 +55,10 @@ class JournalRun(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """What has not come of a journal, and is kept there: a hole; ``in_all`` are missing."""
+    """What has not come of a journal, and is kept there."""
 
     journal: JournalRun
     hole: Hole
-    in_all: int
 
 
 class Gate:
@@ -92,6 +91,13 @@ class Gate:
             self.turned[(why, UNNAMED) if full else kind] += 1
         return why
 
+    def recall(self, key_text: str, payload: bytes) -> None:
+        """Take in once more what was let in before, as a record of it says."""
+        key = parse_key(key_text)
+        seal = read_seal(payload)
+        if not isinstance(key, Refusal) and seal is not None:
+            self._take(key, key_text, payload, seal)
+
     def journal(self, journal: JournalRun) -> ReceivedNumbers | None:
         """Return what has come of a journal; ``None`` if nothing is known of it."""
         return self._journals.get(journal)
@@ -100,18 +106,10 @@ class Gate:
         """Yield each journal heard of, and what has come of it."""
         yield from self._journals.items()
 
-    def missing(self, behind: Mapping[JournalRun, int] | None = None) -> list[Missing]:
-        """Return a hole of every journal that has one: the lowest.
-
-        Of a journal with a number in ``behind`` it is the lowest above that, if there is one.
-        """
-        found = []
-        for journal, numbers in self._journals.items():
-            hole = numbers.hole_behind(0 if behind is None else behind.get(journal, 0))
-            hole = hole or numbers.hole_behind(0)
-            if hole is not None:
-                found.append(Missing(journal, hole, numbers.missing))
-        return found
+    def missing(self) -> list[Missing]:
+        """Return the lowest hole of every journal that has one."""
+        lowest = ((journal, next(each.holes(), None)) for journal, each in self._journals.items())
+        return [Missing(journal, hole) for journal, hole in lowest if hole is not None]
 
     def _judge(self, key: Key, key_text: str, payload: bytes) -> Turned | None:
         seal = read_seal(payload)
@@ -123,10 +121,11 @@ class Gate:
             why = self._verifier.verdict(key, key_text, seal)
             if why is not None:
                 return why
+        return self._take(key, key_text, payload, seal)
+
+    def _take(self, key: Key, key_text: str, payload: bytes, seal: Seal) -> Turned | None:
         if TOPICS[key.topic].journalled:
             return self._take_journalled(key, seal)
-        if key_text not in self._live and len(self._live) >= MOST_RUNS:
-            return "too_many_runs"
         why = self._live.setdefault(key_text, _LiveRuns()).take(seal)
         if why is None and key.topic == "beat":
             self._heed(key, payload)

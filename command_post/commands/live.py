@@ -32,8 +32,14 @@ from command_post.table import roster_table
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import SystemClock
 from shared.config import ConfigError, checked
-from shared.files import FolderHeldError, held_alone, replace_atomically
-from shared.mcap_reader import RecordingError
+from shared.files import (
+    FileHeldError,
+    FolderHeldError,
+    file_held_alone,
+    held_alone,
+    replace_atomically,
+)
+from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode, configure_logging, stop_on_signals, stop_with_parent
 from shared.simulation.scenario import load_scenario
 from shared.topics import check_id
@@ -70,7 +76,8 @@ def run(
     post_id
         Name of this post.
     record
-        Where the recording goes; its name must be free.
+        Where the recording goes. After a kill or a power cut, the same command goes on with it;
+        otherwise its name must be free.
     listen
         Where DAPs and agents find the post; loopback only, for links are not encrypted yet.
     seed
@@ -100,13 +107,20 @@ def run(
         with stop_on_signals() as stop, open_zenoh("router", listen=[listen]) as bus:
             if with_parent:
                 stop_with_parent(stop)
-            with Recorder(record, settings.as_metadata()) as recorder, _shown(table) as show:
+            metadata = settings.as_metadata()
+            with (
+                file_held_alone(record),
+                Recorder(record, metadata, resume=True) as recorder,
+                _shown(table) as show,
+            ):
                 post = Post(
                     bus, Incident(settings), recorder, SystemClock(),
                     follows_exercise=await_start, show=show,
                 )  # fmt: skip
+                if recorder.unfinished is not None:
+                    post.take_up(read_recording(recorder.unfinished))
                 return _serve(post, recorder, stop)
-    except (ValueError, RecorderError, OSError) as error:
+    except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
 

@@ -131,7 +131,7 @@ def test_when_the_disk_fails_the_program_goes_on_and_the_record_so_far_stays(
     status = recorder.close()
     assert "No space left on device" in (status.fault or "")
     assert "a.mcap" in (status.fault or "")
-    assert status.dropped == 1
+    assert status.dropped == 2
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap.part"]
     assert next(m.payload for m in read_recording(tmp_path / "a.mcap.part")) == b"safe"
 

@@ -1,0 +1,77 @@
+"""Taking an incident up again after a kill: from its recording, by the very same handlers.
+
+What had been handled and is not in the recording was never acknowledged to anybody, and comes
+again. So an incident that is taken up goes on as its recording does: a replay of the whole makes
+the same of it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+from command_post.recording import Incident
+from shared.codec import Refusal, decode, parse_key
+from shared.mcap_reader import Recording
+from shared.messages import DapEstimate
+
+
+class Made(NamedTuple):
+    """What the incident says, and when it was made on the post's clock."""
+
+    time_ns: int
+    key: str
+    payload: bytes
+
+
+class Resumed(NamedTuple):
+    """What came of handling again what was recorded.
+
+    ``unrecorded`` was made of the last message and is not in the recording. ``differing`` counts
+    what was made otherwise than it was recorded. ``dap_places`` were said last of each DAP.
+    """
+
+    handled: int
+    unrecorded: list[Made]
+    differing: int
+    dap_places: list[Made]
+
+
+def resume(
+    recording: Recording, incident: Incident, recall: Callable[[str, bytes], None]
+) -> Resumed:
+    """Let a new ``incident`` handle all that was received; ``recall`` is told of it before.
+
+    Raises ``RecordingError`` if the recording cannot be read.
+    """
+    made: deque[Made] = deque()
+    places: dict[str, Made] = {}
+    handled = differing = 0
+    for log_time_ns, _, key, payload, outgoing in recording:
+        if outgoing:
+            if made and made[0][1:] == (key, payload):
+                made.popleft()
+            else:
+                differing += 1
+            dap_id = _dap_placed(key, payload)
+            if dap_id is not None:
+                places[dap_id] = Made(log_time_ns, key, payload)
+            continue
+        differing += len(made)
+        made.clear()
+        handled += 1
+        recall(key, payload)
+        made.extend(
+            Made(log_time_ns, each.key, each.payload)
+            for each in incident.handle(key, payload, log_time_ns)
+        )
+    return Resumed(handled, list(made), differing, list(places.values()))
+
+
+def _dap_placed(key_text: str, payload: bytes) -> str | None:
+    key = parse_key(key_text)
+    if isinstance(key, Refusal) or key.topic != "dap_place":
+        return None
+    place = decode(key, payload)
+    return place.dap_id if isinstance(place, DapEstimate) else None
