@@ -13,6 +13,7 @@ from threading import Event
 from typing import NamedTuple
 
 from command_post.children import Children
+from command_post.fusion.settings import HOLD_S
 from shared.bus.interface import Bus, Received
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import ScaledClock, SystemClock
@@ -32,12 +33,11 @@ PREPARATIONS = ("agents.prepare", "post.prepare")
 PREPARED_SOON_S = 3.0
 READY_TIMEOUT_S = 90.0
 POLL_S = 0.1
-SHORTEST_HOLD_S = 1.5
 LONGEST_HOLD_S = 60.0
-LATEST_S = 0.3
+LATEST_S = 0.6
 """How late, in real time, a busy machine may make a message."""
 
-STRIDE_TOLD_S = 5.0
+STRIDE_TOLD_S = 8.0
 """A stride is told this long after it at the latest, by a unit that keeps up."""
 
 LAST_WORDS_S = 0.2
@@ -61,7 +61,7 @@ class DemoSettings(NamedTuple):
     @property
     def hold_s(self) -> float:
         """Seconds of the exercise that events wait: processes are late by real time."""
-        return min(max(SHORTEST_HOLD_S, self.speed * LATEST_S), LONGEST_HOLD_S)
+        return min(self.speed * HOLD_S["team"], LONGEST_HOLD_S)
 
     @property
     def recording(self) -> Path:
@@ -247,7 +247,7 @@ def watch_the_pace(
 ) -> None:
     """Say it once if nodes do not keep up with the exercise's clock."""
     clock = ScaledClock(start.event_time_ns, start.speed)
-    late_ns = round((STRIDE_TOLD_S + 2.0 * settings.hold_s) * NS_PER_S)
+    late_ns = round((STRIDE_TOLD_S + settings.speed * LATEST_S) * NS_PER_S)
     told = Event()
 
     def watch(received: Received) -> None:

@@ -17,7 +17,7 @@ from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards
 from command_post.fusion.methods import make_fusion
-from command_post.fusion.settings import FusionSettings
+from command_post.fusion.settings import HOLD_S, FusionSettings
 from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
 from command_post.fusion.track import Estimate
 from command_post.senders import Senders
@@ -66,6 +66,12 @@ class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     post_id: NodeId = "post"
     time_line: TimeLineSettings = TimeLineSettings()
     fusion: FusionSettings = FusionSettings()
+
+    @property
+    def hold_ns(self) -> int:
+        """How long an event waits for earlier ones."""
+        hold_s = self.time_line.hold_s
+        return round((HOLD_S[self.fusion.method] if hold_s is None else hold_s) * NS_PER_S)
 
     def as_metadata(self) -> dict[str, str]:
         """Return them as a recording carries them."""
@@ -134,9 +140,9 @@ class Incident:
         self._alarms: dict[str, dict[AlarmKind, RaisedAlarm]] = {}
         self._health: dict[str, NodeHealth] = {}
         self._movements: dict[str, LastMovement] = {}
-        self._senders = Senders(round(settings.time_line.hold_s * NS_PER_S))
+        self._senders = Senders(settings.hold_ns)
         self._dating = Dating(self._senders)
-        self._time_line = TimeLine(settings.time_line)
+        self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
         self._doubted: set[tuple[str, Role, str]] = set()
         self._sequences: Counter[str] = Counter()
@@ -201,10 +207,12 @@ class Incident:
     def handle(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
         """Take in bytes received under ``key`` at ``now_ns``; return what is to be published.
 
+        What was due before comes first, whether ``pass_time`` was called meanwhile or not.
         Never raises for what was received. Raw samples, signal strengths and truth are checked
         and counted like everything else, and not fused; so is what another post says, but for a
         commander's word of where somebody is.
         """
+        made = self.pass_time(now_ns)
         parsed = self._parsed(key)
         if isinstance(parsed, Refusal):
             self._refuse(parsed.reason, _node_of(key), parsed.detail)
@@ -214,7 +222,19 @@ class Incident:
             self._refuse("not_the_post", parsed.node_id, "somebody else uses this post's keys")
         else:
             self._take_from_post(parsed, payload, now_ns)
+        return made + self.pass_time(now_ns)
+
+    def pass_time(self, now_ns: int) -> list[Outgoing]:
+        """Fuse what is due by ``now_ns``, no earlier than of the last call; return what to publish.
+
+        What comes of it is what the next ``handle`` would have made first.
+        """
         return self._fuse(self._time_line.release(now_ns))
+
+    @property
+    def due_ns(self) -> int | None:
+        """When something is due next, were nothing heard until then."""
+        return self._time_line.due_ns
 
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""
@@ -222,9 +242,10 @@ class Incident:
 
     def finish(self, now_ns: int) -> list[Outgoing]:
         """Release everything that is held back; return what is to be published."""
+        made = self.pass_time(now_ns)
         for event in self._dating.rest():
             self._time_line.put(event, now_ns)
-        return self._fuse(self._time_line.release_all())
+        return made + self._fuse(self._time_line.release_all())
 
     def _parsed(self, key_text: str) -> Key | Refusal:
         known = self._keys.get(key_text)

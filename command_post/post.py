@@ -1,7 +1,8 @@
 """The post's shell: the bus in, the incident in the middle, the bus and the recording out.
 
 One thread does it all in one order, so that a replay of the recording makes the same of it:
-take a message from the inbox, read the clock once, record, handle, publish what comes of it.
+take a message from the inbox, record, handle, publish what comes of it. It is handled as of when it
+came, however long it had to wait: how busy the post is leaves no trace in what it makes.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import time
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
+from typing import NamedTuple
 
 import structlog
 
@@ -53,6 +55,10 @@ LAST_MESSAGES_S = 0.5
 
 MOST_ON_THE_WAY = 20_000
 SHOW_PERIOD_S = 0.25
+LEAST_WAIT_S = 0.001
+SET_BACK_NS = NS_PER_S
+"""A clock that reads so much less than before has been set."""
+
 ASK_TIMEOUT_S = 0.5
 MOST_AHEAD_NS = 60 * NS_PER_S
 LONGEST_EXERCISE_NS = 24 * 3600 * NS_PER_S
@@ -61,6 +67,14 @@ _ASKED: dict[Role, str] = {"responder": "start", "dap": "installation"}
 """What is said rarely, by whom: whoever comes late asks for it."""
 
 _log = structlog.stdlib.get_logger(__name__)
+
+
+class _Heard(NamedTuple):
+    """What was received, and when it came, by the clock that the post was given."""
+
+    key: str
+    payload: bytes
+    came_ns: int
 
 
 class Post:
@@ -85,11 +99,15 @@ class Post:
         self._incident = incident
         self._recorder = recorder
         self._recorded = RecordedIncident(incident, recorder)
+        self._own_clock = clock
         self._clock = PacedClock(clock)
+        self._passed_ns = 0
+        """As of when anything was handled last."""
+
         self._follows_exercise = follows_exercise
         self._show = show
         self._gate = gate or Gate()
-        self._inbox = FairInbox(INBOX_MESSAGES, INBOX_BYTES)
+        self._inbox = FairInbox[_Heard](INBOX_MESSAGES, INBOX_BYTES)
         self._patience = Patience(time.monotonic())
         self._told: set[tuple[str, str]] = set()
         self._alive: set[tuple[Role, str]] = set()
@@ -129,7 +147,7 @@ class Post:
     def serve(self, stop: Event) -> None:
         """Serve until ``stop`` is set, then finish the incident and say what was lost."""
         settings = self._incident.settings
-        self._bus.subscribe(everything_of(settings.incident), self._inbox.put, self._inbox.wanted)
+        self._bus.subscribe(everything_of(settings.incident), self._hear, self._inbox.wanted)
         self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
         self._bus.answer(time_key(settings.incident, settings.post_id), time_answerer(self._clock))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
@@ -138,16 +156,19 @@ class Post:
         next_show_s = time.monotonic()
         self._publish(self._to_say_again)
         while not stop.is_set():
-            self._handle_all(self._inbox.get_some(MOST_AT_ONCE, SHOW_PERIOD_S))
+            heard = self._inbox.get_some(MOST_AT_ONCE, self._until_due_s())
+            self._handle_all(heard)
+            if not heard:
+                self._pass_time()
             if time.monotonic() >= next_show_s:
                 self._show(self.roster(self._clock.now_ns()))
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
                 gc.freeze()
-        ended_ns = self._clock.now_ns()
         latest_s = time.monotonic() + LAST_MESSAGES_S
         while len(self._inbox) and time.monotonic() < latest_s:
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE))
+        ended_ns = self._clock.now_ns()
         self._publish(self._recorded.finish(ended_ns))
         self._show(self.roster(ended_ns))
         greeter.join()
@@ -157,15 +178,43 @@ class Post:
         """Return who is where at ``now_ns`` of the post's clock."""
         return make_roster(self._incident, now_ns, RosterSettings(), tuple(self._alive))
 
-    def _handle_all(self, messages: Sequence[Received]) -> None:
-        for received in messages:
+    def _hear(self, received: Received) -> None:
+        self._inbox.put(_Heard(*received, self._own_clock.now_ns()))
+
+    def _until_due_s(self) -> float:
+        """Return for how many real seconds to wait for a message: until something is due."""
+        due_ns = self._incident.due_ns
+        if due_ns is None:
+            return SHOW_PERIOD_S
+        return min(max(self._clock.real_seconds_until(due_ns), LEAST_WAIT_S), SHOW_PERIOD_S)
+
+    def _pass_time(self) -> None:
+        now_ns = self._clock.now_ns()
+        if now_ns > self._passed_ns:
+            self._passed_ns = now_ns
+            self._publish(self._recorded.pass_time(now_ns))
+
+    def _handled_at_ns(self, came_ns: int) -> int:
+        """Return as of when to handle what came then: not before time was said to have passed.
+
+        So it is for the first message after the clock was set back as well: a replay is told by it
+        until when all was fused before.
+        """
+        handled_ns = max(came_ns, self._passed_ns)
+        self._passed_ns = came_ns if handled_ns - came_ns > SET_BACK_NS else handled_ns
+        return handled_ns
+
+    def _handle_all(self, messages: Sequence[_Heard]) -> None:
+        # They were taken of each sender in turn.
+        for key, payload, came_ns in sorted(messages, key=_came_ns):
+            received = Received(key, payload)
             if received in self._said or not self._lets_in(received):
                 continue
-            key, payload = received
             if self._follows_exercise and key not in self._own_keys:
                 self._follow(key, payload)
             refused = self._incident.refused
-            self._publish(self._recorded.handle(key, payload, self._clock.now_ns()))
+            now_ns = self._handled_at_ns(self._clock.paced_ns(came_ns))
+            self._publish(self._recorded.handle(key, payload, now_ns))
             if self._incident.refused > refused:
                 self._blame(received)
         for notice in self._incident.take_notices():
@@ -248,7 +297,7 @@ class Post:
         while not stop.is_set():
             key = self._joined.get(SHOW_PERIOD_S)
             for received in self._bus.query(str(key), ASK_TIMEOUT_S) if key is not None else ():
-                self._inbox.put(received)
+                self._hear(received)
 
     def _tell_losses(self) -> None:
         refused = Counter[tuple[str, str]](self._incident.refusals)
@@ -263,6 +312,10 @@ class Post:
             _log.error("the post did not hear all", why=why, sender=sender, count=count)
         if len(self._inbox):
             _log.warning("heard too late to be handled", count=len(self._inbox))
+
+
+def _came_ns(heard: _Heard) -> int:
+    return heard.came_ns
 
 
 def _priority(key: str) -> Priority:

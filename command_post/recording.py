@@ -48,6 +48,9 @@ class Incident(Protocol):
     def handle(self, key: str, payload: bytes, now_ns: int) -> Sequence[Outgoing]:
         """Take one message in; return what has become due."""
 
+    def pass_time(self, now_ns: int) -> Sequence[Outgoing]:
+        """Return what has become due with nothing heard."""
+
     def finish(self, now_ns: int) -> Sequence[Outgoing]:
         """Return what is still held back."""
 
@@ -91,6 +94,13 @@ class RecordedIncident:
         if not self._record.put(key, payload, now_ns):
             self._lost(key, payload)
         return self._recorded(self._incident.handle(key, payload, now_ns), now_ns)
+
+    def pass_time(self, now_ns: int) -> Sequence[Outgoing]:
+        """Record and return what has become due by ``now_ns``, no earlier than of the last call.
+
+        That it was asked for is not recorded: the next message handled would have brought it.
+        """
+        return self._recorded(self._incident.pass_time(now_ns), now_ns)
 
     def finish(self, now_ns: int) -> Sequence[Outgoing]:
         """Record that the incident ends, finish it, and record and return what it still says."""

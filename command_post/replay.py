@@ -112,10 +112,14 @@ def replay(path: Path, incident: Incident, sides: Sides | None = None) -> Replay
             comparison.add(_RECORDED, key, payload)
             if sides is not None:
                 sides.then.add_wire(key, payload)
-            continue
-        handled += 1
-        comparison.begin_step()
-        for made in incident.handle(key, payload, log_time_ns):
+            # It may have been made while nothing was heard, and nothing may be heard any more.
+            step = incident.pass_time(log_time_ns)
+        else:
+            handled += 1
+            step = incident.handle(key, payload, log_time_ns)
+        if step or not outgoing:
+            comparison.begin_step()
+        for made in step:
             comparison.add(_REPLAYED, made.key, made.payload)
             if sides is not None:
                 sides.now.add_wire(made.key, made.payload)

@@ -68,7 +68,11 @@ class ScaledClock:
 
     def now_ns(self) -> int:
         """Nanoseconds since 1970-01-01 UTC, on the scaled time line."""
-        return self._start_ns + round((self._clock.now_ns() - self._start_ns) * self._speed)
+        return self.scaled_ns(self._clock.now_ns())
+
+    def scaled_ns(self, time_ns: int) -> int:
+        """Return what it reads when ``clock`` reads ``time_ns``."""
+        return self._start_ns + round((time_ns - self._start_ns) * self._speed)
 
     def real_seconds_until(self, time_ns: int) -> float:
         """Real seconds until this clock reads ``time_ns``."""
@@ -97,6 +101,11 @@ class PacedClock:
     def now_ns(self) -> int:
         """Nanoseconds since 1970-01-01 UTC, or of the exercise's time line."""
         return self._reading[0].now_ns()
+
+    def paced_ns(self, own_ns: int) -> int:
+        """Return what it reads, at the pace of now, when ``own`` reads ``own_ns``."""
+        clock = self._reading[0]
+        return clock.scaled_ns(own_ns) if isinstance(clock, ScaledClock) else own_ns
 
     def real_seconds_until(self, time_ns: int) -> float:
         """Real seconds until this clock reads ``time_ns``."""

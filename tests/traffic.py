@@ -190,6 +190,10 @@ class Tally:
             self._held.append(self._estimate(parsed.node_id, now_ns))
         return due
 
+    def pass_time(self, now_ns: int) -> list[Sent]:  # noqa: ARG002
+        """Nothing becomes due by itself."""
+        return []
+
     def finish(self, now_ns: int) -> list[Sent]:
         """Return what was held back, and where each responder is in the end."""
         due, self._held = self._held, []

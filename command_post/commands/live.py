@@ -59,7 +59,7 @@ def run(
     listen: str = DEFAULT_LISTEN,
     seed: int = 1,
     particles: int = 1000,
-    hold_s: Annotated[float, Parameter(name="--hold")] = 1.5,
+    hold_s: Annotated[float | None, Parameter(name="--hold")] = None,
     plan: Path | None = None,
     table: bool = False,
     await_start: bool = False,
@@ -85,7 +85,7 @@ def run(
     particles
         For each responder.
     hold_s
-        Seconds that events wait for earlier ones before they are fused.
+        Seconds that events wait for earlier ones before they are fused; 0.1 if not given.
     plan
         The building's walls, in GeoJSON: tracks are held to the way they run where people go so.
     table

@@ -15,6 +15,13 @@ from command_post.fusion.team.settings import TeamSettings
 
 FusionMethod: TypeAlias = Literal["team", "published"]
 
+HOLD_S: dict[FusionMethod, float] = {"team": 0.1, "published": 1.5}
+"""How long an event is to wait for earlier ones, in seconds.
+
+The published filter takes what comes later as if it had happened just now; the team's fusion puts
+it where it belongs, and only has to begin again less often if it waits for the network.
+"""
+
 
 class FusionSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How responders are tracked: ``method``, and the parameters of each.

@@ -16,16 +16,18 @@ from msgspec import Meta, structs
 
 from shared.messages import Message, OdometryIncrement
 from shared.topics import Key
-from shared.units import NS_PER_S
 
 REMEMBERED_PER_KEY = 512
 LATEST_TIME_NS = 2**63 - 1
 
 
 class TimeLineSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How long an event waits for earlier ones, and how many may wait at once."""
+    """How long an event waits for earlier ones, and how many may wait at once.
 
-    hold_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 1.5
+    ``hold_s`` is as long as the way of fusing needs where it is ``None``.
+    """
+
+    hold_s: Annotated[float, Meta(ge=0.0, le=60.0)] | None = None
     capacity: Annotated[int, Meta(ge=1, le=10_000_000)] = 100_000
 
 
@@ -68,9 +70,9 @@ class _Waiting(NamedTuple):
 
 
 class TimeLine:
-    """Holds events back for ``hold_s`` after their time, and releases them in canonical order.
+    """Holds events back for a while after their time, and releases them in canonical order.
 
-    An event is due ``hold_s`` after its own time, whenever it came, so that all that come in time
+    An event is due ``hold_ns`` after its own time, whenever it came, so that all that come in time
     leave in one order: by event time, key and number. One that comes after it was due is *late*:
     it is released at once. The time of a node whose clock is far ahead is not waited for: such an
     event is due two holds after it came.
@@ -79,9 +81,9 @@ class TimeLine:
     key: dropped) and ``crowded_out`` (released early because ``capacity`` events were waiting).
     """
 
-    def __init__(self, settings: TimeLineSettings) -> None:
-        self._hold_ns = round(settings.hold_s * NS_PER_S)
-        self._capacity = settings.capacity
+    def __init__(self, hold_ns: int, capacity: int) -> None:
+        self._hold_ns = hold_ns
+        self._capacity = capacity
         self._waiting: list[_Waiting] = []
         self._remembered: dict[Key, _Remembered] = {}
         self._arrivals = count()
@@ -98,6 +100,11 @@ class TimeLine:
         self.counts["late"] += due_ns <= now_ns
         order = (due_ns, time_ns, str(key), message.sequence, next(self._arrivals))
         heapq.heappush(self._waiting, _Waiting(*order, event))
+
+    @property
+    def due_ns(self) -> int | None:
+        """When the first of what waits is due; ``None`` if nothing does."""
+        return self._waiting[0].due_ns if self._waiting else None
 
     def release(self, now_ns: int) -> list[Event]:
         """Return what is due at ``now_ns``, in order."""

@@ -12,9 +12,8 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from typing import Literal, TypeAlias
+from typing import Generic, Literal, Protocol, TypeAlias, TypeVar
 
-from shared.bus.interface import Received
 from shared.codec import MAX_PAYLOAD_BYTES
 from shared.token_bucket import TokenBucket
 from shared.topics import ROLES
@@ -41,6 +40,21 @@ SLOWED_FOR_S = 10.0
 LONGEST_NAME = 32
 
 
+class Message(Protocol):
+    """What has a key and bytes."""
+
+    @property
+    def key(self) -> str:
+        """The key it came under."""
+
+    @property
+    def payload(self) -> bytes:
+        """Its bytes."""
+
+
+T = TypeVar("T", bound=Message)
+
+
 def sender_of(key: str) -> str:
     """Return who sends under ``key``, as ``role/id``; ``UNKNOWN_SENDER`` if it does not say."""
     chunks = key.split("/", 6)
@@ -49,7 +63,7 @@ def sender_of(key: str) -> str:
     return f"{chunks[3]}/{chunks[4]}"
 
 
-class FairInbox:
+class FairInbox(Generic[T]):
     """A bounded place between threads, whose ``put`` is a fit handler: it never blocks.
 
     Ask ``wanted`` before it, ere the bytes are copied.
@@ -70,8 +84,8 @@ class FairInbox:
         self._free_messages = max_messages
         self._free_bytes = max_bytes
         self._monotonic_s = monotonic_s
-        self._queues: dict[str, _Queue] = {}
-        self._turns: deque[_Queue] = deque()
+        self._queues: dict[str, _Queue[T]] = {}
+        self._turns: deque[_Queue[T]] = deque()
         """Those that are not empty, each once; the first is next."""
 
         self._slowed: dict[str, _Slowed] = {}
@@ -92,12 +106,12 @@ class FairInbox:
         with self._filled:
             return {queue.sender: len(queue.messages) for queue in self._turns}
 
-    def put(self, message: Received) -> None:
+    def put(self, message: T) -> None:
         """Add ``message``, at the cost of its own sender if there is no room."""
         sender = sender_of(message.key)
         size = _size(message)
         with self._filled:
-            queue = self._queues.get(sender) or _Queue(sender)
+            queue = self._queues.get(sender) or _Queue[T](sender)
             while queue.messages and not self._has_room(queue, size):
                 self._release(queue)
                 self._lose("crowded_out", sender)
@@ -141,7 +155,7 @@ class FairInbox:
             elif len(self._slowed) < MOST_SLOWED:
                 self._slowed[sender] = _Slowed(now_s)
 
-    def get_some(self, most: int, timeout_s: float = 0.0) -> list[Received]:
+    def get_some(self, most: int, timeout_s: float = 0.0) -> list[T]:
         """Take out ``most`` messages or fewer, of each sender in turn.
 
         Waits ``timeout_s`` at most for the first.
@@ -150,7 +164,7 @@ class FairInbox:
             self._filled.wait_for(lambda: self._turns, timeout_s)
             return [self._next() for _ in range(min(most, self._count))]
 
-    def _next(self) -> Received:
+    def _next(self) -> T:
         queue = self._turns.popleft()
         message = self._release(queue)
         if queue.messages:
@@ -159,11 +173,11 @@ class FairInbox:
             del self._queues[queue.sender]
         return message
 
-    def _has_room(self, queue: _Queue, size: int) -> bool:
+    def _has_room(self, queue: _Queue[T], size: int) -> bool:
         enough_bytes = queue.bytes + size <= self._free_bytes
         return enough_bytes and len(queue.messages) < self._free_messages
 
-    def _append(self, queue: _Queue, message: Received, size: int) -> None:
+    def _append(self, queue: _Queue[T], message: T, size: int) -> None:
         if queue.sender not in self._queues:
             self._queues[queue.sender] = queue
             self._turns.append(queue)
@@ -173,7 +187,7 @@ class FairInbox:
         self._free_messages -= 1
         self._count += 1
 
-    def _release(self, queue: _Queue) -> Received:
+    def _release(self, queue: _Queue[T]) -> T:
         message = queue.messages.popleft()
         size = _size(message)
         queue.bytes -= size
@@ -199,12 +213,12 @@ class FairInbox:
         self._lost[kind] += 1
 
 
-class _Queue:
+class _Queue(Generic[T]):
     """What one sender has put in."""
 
     def __init__(self, sender: str) -> None:
         self.sender = sender
-        self.messages: deque[Received] = deque()
+        self.messages: deque[T] = deque()
         self.bytes = 0
 
 
@@ -216,5 +230,5 @@ class _Slowed:
         self.bucket = TokenBucket(SLOWED_PER_S, SLOWED_PER_S, now_s)
 
 
-def _size(message: Received) -> int:
+def _size(message: Message) -> int:
     return len(message.key) + len(message.payload) + OVERHEAD_BYTES

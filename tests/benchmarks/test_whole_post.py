@@ -2,8 +2,9 @@
 
 The post is its decoder, time line, fusion, encoder and recording, without a network. Messages come
 when they would, two strides a second of each responder, late by what a network takes; each waits
-while those before it are handled, and how long that takes is the processor time really spent. So
-the figures are those of a core that does nothing else, whatever else this machine does meanwhile.
+while those before it are handled, and how long that takes is the processor time really spent; what
+becomes due while nothing is heard is made then. So the figures are those of a core that does
+nothing else, whatever else this machine does meanwhile.
 
 ``CLEW_POST_MINUTES`` says for how long people walk: a crew's commits grow until minute six.
 """
@@ -13,7 +14,7 @@ from __future__ import annotations
 import gc
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from time import process_time_ns
 from typing import NamedTuple
@@ -25,6 +26,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from command_post.fusion.methods import prepare_fusion
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings, Outgoing
+from command_post.recording import Outgoing as MadeOutgoing
 from command_post.recording import RecordedIncident
 from command_post.recording_file import RecordingFile
 from shared.codec import Refusal, decode, encode, parse_key
@@ -79,7 +81,7 @@ def frames(sizes: list[int], minutes: float) -> list[Frame]:
 
 
 class Served(NamedTuple):
-    """Each message's processor time, when that was done, and what came of it."""
+    """Each call's processor time, when that was done, and what came of it."""
 
     took_ns: list[int]
     done_ns: list[int]
@@ -93,25 +95,31 @@ def serve(incident: Incident, heard: list[Frame], path: Path) -> Served:
     recorded = RecordedIncident(incident, record)
     free_ns = 0
     began_ns = process_time_ns()
-    for number, (arrives_ns, key, payload, _) in enumerate(heard):
-        if number % FREEZE_EVERY == 0:
-            gc.freeze()
-        start_ns = max(arrives_ns, free_ns)
-        made = recorded.handle(key, payload, start_ns)
+
+    def note(start_ns: int, made: Sequence[MadeOutgoing]) -> None:
+        nonlocal free_ns, began_ns
         ended_ns = process_time_ns()
         free_ns = start_ns + ended_ns - began_ns
         served.took_ns.append(ended_ns - began_ns)
         served.done_ns.append(free_ns)
         served.made.append([Outgoing(each.key, each.payload) for each in made])
         began_ns = ended_ns
+
+    for number, (arrives_ns, key, payload, _) in enumerate(heard):
+        if number % FREEZE_EVERY == 0:
+            gc.freeze()
+        while (due_ns := incident.due_ns) is not None and max(due_ns, free_ns) < arrives_ns:
+            idle_ns = max(due_ns, free_ns)
+            note(idle_ns, recorded.pass_time(idle_ns))
+        note(max(arrives_ns, free_ns), recorded.handle(key, payload, arrives_ns))
     record.finish()
     return served
 
 
-def delays_ms(heard: list[Frame], served: Served, hold_s: float, since_ns: int) -> Floats:
+def delays_ms(heard: list[Frame], served: Served, hold_ns: int, since_ns: int) -> Floats:
     """Return how long after a stride could be told it was: (n, 2), and how long after it came.
 
-    It can be told once it is there, and ``hold_s`` after it ended, for which those before it are
+    It can be told once it is there, and ``hold_ns`` after it ended, for which those before it are
     waited for.
     """
     came = {each.moved: each.arrives_ns for each in heard if each.moved is not None}
@@ -125,14 +133,14 @@ def delays_ms(heard: list[Frame], served: Served, hold_s: float, since_ns: int) 
                 continue
             arrived_ns = came.pop((estimate.responder_id, estimate.event_time_ns), None)
             if arrived_ns is not None:
-                due_ns = max(arrived_ns, estimate.event_time_ns + round(hold_s * NS_PER_S))
+                due_ns = max(arrived_ns, estimate.event_time_ns + hold_ns)
                 delays.append((done_ns - due_ns, done_ns - arrived_ns))
     return np.array(delays) / 1e6
 
 
-@pytest.mark.parametrize("hold_s", [1.5, 0.1])
+@pytest.mark.parametrize("hold_s", [None, 1.5])
 def test_a_thousand_responders_on_one_core(
-    benchmark: BenchmarkFixture, hold_s: float, tmp_path: Path
+    benchmark: BenchmarkFixture, hold_s: float | None, tmp_path: Path
 ) -> None:
     settings = IncidentSettings(time_line=TimeLineSettings(hold_s=hold_s))
     prepare_fusion(settings.fusion)
@@ -150,9 +158,10 @@ def test_a_thousand_responders_on_one_core(
     since_ns = START_NS + round(max(minutes - 2.0, 0.8) * 60) * NS_PER_S
     counted = [each for each in heard if each.arrives_ns >= since_ns]
     strides = sum(each.moved is not None for each in counted)
-    took_s = sum(served[0].took_ns[-len(counted) :]) / NS_PER_S
+    calls = zip(served[0].took_ns, served[0].done_ns, strict=True)
+    took_s = sum(took_ns for took_ns, done_ns in calls if done_ns >= since_ns) / NS_PER_S
     lasted_s = (heard[-1].arrives_ns - since_ns) / NS_PER_S
-    delays = delays_ms(heard, served[0], hold_s, since_ns)
+    delays = delays_ms(heard, served[0], settings.hold_ns, since_ns)
     assert len(delays) > 0.9 * strides
     p50, p99 = np.percentile(delays, (50.0, 99.0), axis=0)
     benchmark.extra_info.update(

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from command_post.fusion.time_line import TimeLineSettings
+from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident, Recorder
 from command_post.recording_file import RecordingFile
 from command_post.replay import replay
 from shared.mcap_reader import RecordedMessage, RecordingError, read_recording
+from tests.stride_world import exercise
 from tests.traffic import START_NS, Sent, Tally, key_of, traffic
 
 TRACK = key_of("post", "post", "track")
@@ -127,6 +130,26 @@ def test_what_came_of_the_last_message_may_be_cut_off_with_the_recording(tmp_pat
     file.abandon()
     report = replay(tmp_path / "a.mcap.part", Tally())
     assert (report.equal, report.unconfirmed, report.identical) == (1, 1, True)
+
+
+def test_what_was_made_while_nothing_was_heard_is_made_again(tmp_path: Path) -> None:
+    settings = IncidentSettings(time_line=TimeLineSettings(hold_s=0.5))
+    incident = Incident(settings)
+    file = RecordingFile(tmp_path / "a.mcap", {})
+    recorded = RecordedIncident(incident, file)
+    idle = 0
+    for now_ns, key, payload in exercise(3)[:300]:
+        while incident.due_ns is not None and incident.due_ns < now_ns:
+            idle += len(recorded.pass_time(incident.due_ns))
+        recorded.handle(key, payload, now_ns)
+    assert incident.due_ns is not None
+    last = recorded.pass_time(incident.due_ns)
+    file.sync()
+    file.abandon()
+    report = replay(tmp_path / "a.mcap.part", Incident(settings))
+    assert (report.identical, report.unconfirmed) == (True, 0)
+    assert report.equal > idle > 100
+    assert len(last) == 1
 
 
 def test_garbage_is_handled_again_too(tmp_path: Path) -> None:

@@ -29,12 +29,12 @@ def message(sender: str, number: int, size: int = 0) -> Received:
     return Received(key_of("responder", sender, "increment"), b"%d" % number + bytes(size))
 
 
-def offer(inbox: FairInbox, received: Received) -> None:
+def offer(inbox: FairInbox[Received], received: Received) -> None:
     if inbox.wanted(received.key, len(received.payload)):
         inbox.put(received)
 
 
-def taken(inbox: FairInbox, most: int = 1 << 20) -> list[Received]:
+def taken(inbox: FairInbox[Received], most: int = 1 << 20) -> list[Received]:
     return inbox.get_some(most)
 
 
@@ -55,7 +55,7 @@ def test_who_sends_is_read_off_the_key(key: str, sender: str) -> None:
 
 
 def test_all_are_heard_in_turn_each_in_their_own_order() -> None:
-    inbox = FairInbox(1000, ROOMY)
+    inbox = FairInbox[Received](1000, ROOMY)
     for number in range(100):
         inbox.put(message("loud", number))
     for number in range(2):
@@ -73,7 +73,7 @@ def test_all_are_heard_in_turn_each_in_their_own_order() -> None:
 
 
 def test_who_floods_displaces_themselves_alone() -> None:
-    inbox = FairInbox(100, ROOMY)
+    inbox = FairInbox[Received](100, ROOMY)
     inbox.put(message("r1", 0))
     for number in range(1000):
         inbox.put(message("loud", number))
@@ -87,7 +87,7 @@ def test_who_floods_displaces_themselves_alone() -> None:
 
 
 def test_bytes_are_bounded_as_well() -> None:
-    inbox = FairInbox(1000, 50_000)
+    inbox = FairInbox[Received](1000, 50_000)
     for number in range(100):
         inbox.put(message("loud", number, 4000))
     inbox.put(message("r1", 0))
@@ -107,7 +107,7 @@ def test_bytes_are_bounded_as_well() -> None:
 def test_the_bounds_hold_and_every_message_is_heard_or_counted(
     sent: list[tuple[str, int]], max_messages: int, max_bytes: int
 ) -> None:
-    inbox = FairInbox(max_messages, max_bytes)
+    inbox = FairInbox[Received](max_messages, max_bytes)
     for number, (sender, size) in enumerate(sent):
         inbox.put(message(sender, number, size))
     assert len(inbox) <= max_messages
@@ -122,7 +122,7 @@ def test_the_bounds_hold_and_every_message_is_heard_or_counted(
 
 def test_who_is_slowed_down_gets_little_through_until_it_is_over() -> None:
     now_s = [0.0]
-    inbox = FairInbox(20_000, ROOMY, lambda: now_s[0])
+    inbox = FairInbox[Received](20_000, ROOMY, lambda: now_s[0])
     inbox.slow_down("responder/mad")
     for number in range(5000):
         now_s[0] += 0.001
@@ -139,14 +139,14 @@ def test_who_is_slowed_down_gets_little_through_until_it_is_over() -> None:
 
 
 def test_what_is_too_long_is_counted_by_sender() -> None:
-    inbox = FairInbox(10, ROOMY)
+    inbox = FairInbox[Received](10, ROOMY)
     assert inbox.wanted(key_of("dap", "d1", "rssi"), LONGEST_HEARD_BYTES)
     assert not inbox.wanted(key_of("dap", "d1", "rssi"), LONGEST_HEARD_BYTES + 1)
     assert inbox.lost() == {("too_long", "dap/d1"): 1}
 
 
 def test_who_waits_is_woken() -> None:
-    inbox = FairInbox(10, ROOMY)
+    inbox = FairInbox[Received](10, ROOMY)
     heard: list[Received] = []
     waiter = threading.Thread(target=lambda: heard.extend(inbox.get_some(5, DEADLINE_S)))
     waiter.start()
@@ -157,4 +157,4 @@ def test_who_waits_is_woken() -> None:
 
 def test_room_for_one_is_refused() -> None:
     with pytest.raises(ValueError, match="two messages"):
-        FairInbox(1, ROOMY)
+        FairInbox[Received](1, ROOMY)

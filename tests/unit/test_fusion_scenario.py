@@ -10,13 +10,17 @@ from command_post.evaluation.pooled import pool
 from command_post.evaluation.score_card import Score, score
 from command_post.evidence import Evidence
 from command_post.fusion.settings import FusionSettings
+from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings, Outgoing
 from shared.codec import Refusal, decode, parse_key
 from tests.stride_world import Heard, exercise
 
+HOLD_S = 1.5
+"""Longer than anything is on its way."""
+
 
 def fuse(heard: list[Heard]) -> list[Outgoing]:
-    incident = Incident(IncidentSettings())
+    incident = Incident(IncidentSettings(time_line=TimeLineSettings(hold_s=HOLD_S)))
     made = [o for h in heard for o in incident.handle(h.key, h.payload, h.now_ns)]
     made += incident.finish(heard[-1].now_ns)
     assert not incident.refusals

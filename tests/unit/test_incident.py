@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import msgspec
+import numpy as np
 import pytest
 
 from command_post import incident as incident_module
-from command_post.fusion.settings import FusionSettings
+from command_post.fusion.settings import FusionMethod, FusionSettings
+from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings, Notice, Outgoing
 from shared.codec import decode, encode, parse_key
 from shared.messages import (
@@ -83,10 +86,55 @@ def test_a_commanders_word_counts_and_nobody_elses_about_another() -> None:
 
 
 def test_nothing_is_released_before_the_hold() -> None:
-    incident = Incident(IncidentSettings())
+    incident = Incident(IncidentSettings(time_line=TimeLineSettings(hold_s=1.5)))
     assert hear(incident, "responder", "r1", track_start(0.0)) == []
     assert hear(incident, "responder", "r1", stride(1.0, 1.2, 0.0)) == []
     assert len(hear(incident, "responder", "r1", stride(2.0, 1.2, 0.0, sequence=1))) == 1
+
+
+def test_what_is_due_needs_no_further_message_to_come_out() -> None:
+    incident = Incident(IncidentSettings())
+    assert incident.due_ns is None
+    assert hear(incident, "responder", "r1", track_start(0.0)) == []
+    due_ns = at_ns(0.0) + incident.settings.hold_ns
+    assert incident.due_ns == due_ns
+    assert incident.pass_time(due_ns - 1) == []
+    assert len(incident.pass_time(due_ns)) == 1
+    assert incident.due_ns is None
+
+
+@pytest.mark.parametrize("method", ["team", "published"])
+def test_when_time_was_said_to_pass_leaves_no_trace(method: FusionMethod) -> None:
+    chance = np.random.default_rng(4)
+    heard = sorted(
+        each._replace(now_ns=each.now_ns + round(chance.exponential(0.3e9)))
+        for each in exercise(3)[:400]
+    )
+    settings = IncidentSettings(fusion=FusionSettings(method=method, particles=50))
+
+    def made(wakes_between: int) -> list[Outgoing]:
+        incident = Incident(settings)
+        told = []
+        before_ns = heard[0].now_ns
+        for now_ns, key, payload in heard:
+            for passed_ns in sorted(chance.integers(before_ns, now_ns + 1, wakes_between).tolist()):
+                told += incident.pass_time(passed_ns)
+            told += incident.handle(key, payload, now_ns)
+            before_ns = now_ns
+        return told + incident.finish(before_ns)
+
+    without = made(0)
+    assert len(without) > 100
+    assert made(3) == without
+
+
+def test_who_fuses_in_order_waits_longer() -> None:
+    team, published = (
+        IncidentSettings(fusion=FusionSettings(method=method)) for method in ("team", "published")
+    )
+    assert team.hold_ns < published.hold_ns
+    held = msgspec.structs.replace(published, time_line=TimeLineSettings(hold_s=0.5))
+    assert held.hold_ns == at_ns(0.5) - at_ns(0.0)
 
 
 @pytest.mark.parametrize(
