@@ -20,6 +20,7 @@ from command_post.fusion.methods import make_fusion
 from command_post.fusion.settings import HOLD_S, FusionSettings
 from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
 from command_post.fusion.track import Estimate
+from command_post.node_clock import KnownClock
 from command_post.senders import Senders
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
@@ -39,6 +40,7 @@ from shared.messages import (
     TrackEstimate,
     TrackStart,
 )
+from shared.seal import Seal, read_seal
 from shared.topics import TOPICS, Key, Role, check_id
 from shared.units import NS_PER_S
 
@@ -140,8 +142,8 @@ class Incident:
         self._alarms: dict[str, dict[AlarmKind, RaisedAlarm]] = {}
         self._health: dict[str, NodeHealth] = {}
         self._movements: dict[str, LastMovement] = {}
-        self._senders = Senders(settings.hold_ns)
-        self._dating = Dating(self._senders)
+        self._senders = Senders(settings.hold_ns, settings.post_id)
+        self._dating = Dating(self._senders, settings.hold_ns)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
         self._doubted: set[tuple[str, Role, str]] = set()
@@ -198,6 +200,10 @@ class Incident:
             if (doubt.role, doubt.node_id) == (role, node_id)
         ]
         return self._senders.faults(role, node_id, now_ns) + doubted
+
+    def clock(self, role: Role, node_id: str) -> KnownClock | None:
+        """Return how far a node's clock is known to be off; ``None`` if nothing is known of it."""
+        return self._senders.clock(role, node_id)
 
     def take_notices(self) -> list[Notice]:
         """Return what is to be told for the first time since this was last asked."""
@@ -279,14 +285,19 @@ class Incident:
             self._refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
         else:
             self._heard_ns[node] = now_ns
-            for found in self._senders.hear(key, message, now_ns):
-                self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
-            self._keep(key.node_id, message, now_ns)
-            if key.role == "responder":
-                self._tracker.heard(key.node_id, min(message.event_time_ns, now_ns))
-            events = self._dating.date(key, message, now_ns) if key.topic in _FUSED else []
-            for event in (*self._dating.dated_by_now(key), *events):
-                self._time_line.put(event, now_ns)
+            self._take_dated(key, message, now_ns, read_seal(payload))
+
+    def _take_dated(self, key: Key, message: Message, now_ns: int, seal: Seal | None) -> None:
+        """Take in what a node of this incident says, and when that was on the post's clock."""
+        for found in self._senders.hear(key, message, now_ns, seal):
+            self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
+        self._keep(key.node_id, message, now_ns)
+        if key.role == "responder":
+            time_ns = self._senders.time_ns(key.role, key.node_id, message.event_time_ns, seal)
+            self._tracker.heard(key.node_id, min(time_ns, now_ns))
+        events = self._dating.date(key, message, now_ns, seal) if key.topic in _FUSED else []
+        for event in (*self._dating.dated_by_now(key, now_ns), *events):
+            self._time_line.put(event, now_ns)
 
     def _keep(self, node_id: str, message: Message, now_ns: int) -> None:
         """Keep the newest of what is told and not fused: at once, for an alarm waits for nobody."""

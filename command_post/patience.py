@@ -28,13 +28,15 @@ UNNAMED = "?"
 class Patience:
     """What each sender may still send that is of no use.
 
-    ``only_counted`` is what came when there was no patience left, by sender.
+    ``useless`` counts what they sent of the kind; ``only_counted`` what of it came when there was
+    no patience left.
     """
 
     def __init__(self, now_s: float) -> None:
         """Times are seconds of any steady clock."""
         self._in_all = TokenBucket(BYTES_PER_S_IN_ALL, BURST_BYTES_IN_ALL, now_s)
         self._accounts: dict[str, _Account] = {}
+        self.useless: Counter[str] = Counter()
         self.only_counted: Counter[str] = Counter()
 
     def bears(self, sender: str, size: int, now_s: float) -> bool:
@@ -49,6 +51,7 @@ class Patience:
     def charge(self, sender: str, size: int, now_s: float) -> bool:
         """Charge ``sender`` for a useless message of ``size`` bytes; say whether it was borne."""
         named = self._named(sender)
+        self.useless[named] += 1
         account = self._accounts.get(named)
         if account is None:
             account = self._accounts[named] = _Account(now_s)
@@ -60,7 +63,9 @@ class Patience:
 
     def count(self, sender: str) -> None:
         """Count a message that was not even kept."""
-        self.only_counted[self._named(sender)] += 1
+        named = self._named(sender)
+        self.useless[named] += 1
+        self.only_counted[named] += 1
 
     def _named(self, sender: str) -> str:
         known = sender in self._accounts or len(self._accounts) < MOST_SENDERS

@@ -10,12 +10,13 @@ from __future__ import annotations
 import gc
 import time
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Sequence
-from threading import Event, Thread
+from collections.abc import Callable, Mapping, Sequence
+from threading import Event, Lock, Thread
 from typing import NamedTuple
 
 import structlog
 
+from command_post.freshness import NodeWatch
 from command_post.incident import Incident
 from command_post.patience import Patience
 from command_post.recording import Outgoing, RecordedIncident, Recorder
@@ -26,7 +27,8 @@ from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
 from shared.codec import Refusal, decode, parse_key
-from shared.gate import Gate
+from shared.collector import Collector
+from shared.gate import Gate, JournalRun, Missing
 from shared.mcap_reader import Recording
 from shared.messages import ExerciseStart
 from shared.time_service import time_answerer
@@ -54,6 +56,9 @@ LAST_MESSAGES_S = 0.5
 """What is still heard when the post stops is handled for so long, then it is too late."""
 
 MOST_ON_THE_WAY = 20_000
+MOST_WAITING = 5_000
+"""With so many messages in the inbox, no missing ones are asked for."""
+
 SHOW_PERIOD_S = 0.25
 LEAST_WAIT_S = 0.001
 SET_BACK_NS = NS_PER_S
@@ -107,11 +112,14 @@ class Post:
         self._follows_exercise = follows_exercise
         self._show = show
         self._gate = gate or Gate()
+        self._at_gate = Lock()
         self._inbox = FairInbox[_Heard](INBOX_MESSAGES, INBOX_BYTES)
         self._patience = Patience(time.monotonic())
+        self._watch = NodeWatch()
         self._told: set[tuple[str, str]] = set()
         self._alive: set[tuple[Role, str]] = set()
         self._joined: Inbox[Key] = Inbox(1000)
+        self._seen: Inbox[tuple[str, str, bool]] = Inbox(1000)
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
         self._said: OrderedDict[Received, None] = OrderedDict()
@@ -151,8 +159,15 @@ class Post:
         self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
         self._bus.answer(time_key(settings.incident, settings.post_id), time_answerer(self._clock))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
-        greeter = Thread(target=self._greet, args=(stop,), name="greeter")
-        greeter.start()
+        collector = Collector(
+            self._bus, settings.incident, self._missing, self._hear, has_room=self._has_room
+        )
+        at_work = [
+            Thread(target=self._greet, args=(stop,), name="greeter"),
+            Thread(target=collector.run, args=(stop,), name="collector"),
+        ]
+        for thread in at_work:
+            thread.start()
         next_show_s = time.monotonic()
         self._publish(self._to_say_again)
         while not stop.is_set():
@@ -161,6 +176,7 @@ class Post:
             if not heard:
                 self._pass_time()
             if time.monotonic() >= next_show_s:
+                self._tell_comings()
                 self._show(self.roster(self._clock.now_ns()))
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
@@ -171,12 +187,23 @@ class Post:
         ended_ns = self._clock.now_ns()
         self._publish(self._recorded.finish(ended_ns))
         self._show(self.roster(ended_ns))
-        greeter.join()
+        for thread in at_work:
+            thread.join()
+        _log.info("refill", counts=dict(collector.counts))
         self._tell_losses()
 
     def roster(self, now_ns: int) -> Roster:
         """Return who is where at ``now_ns`` of the post's clock."""
-        return make_roster(self._incident, now_ns, RosterSettings(), tuple(self._alive))
+        alive = tuple(self._alive)
+        nodes = self._watch.fresh(now_ns, alive, self._gate, self._useless())
+        return make_roster(self._incident, now_ns, RosterSettings(), alive, nodes)
+
+    def _useless(self) -> Counter[str]:
+        """Return how much of no use each sender has sent."""
+        useless = self._patience.useless.copy()
+        for (_, sender), count in self._inbox.lost().items():
+            useless[sender] += count
+        return useless
 
     def _hear(self, received: Received) -> None:
         self._inbox.put(_Heard(*received, self._own_clock.now_ns()))
@@ -214,17 +241,27 @@ class Post:
                 self._follow(key, payload)
             refused = self._incident.refused
             now_ns = self._handled_at_ns(self._clock.paced_ns(came_ns))
+            self._watch.hear(key, payload, now_ns)
             self._publish(self._recorded.handle(key, payload, now_ns))
             if self._incident.refused > refused:
                 self._blame(received)
         for notice in self._incident.take_notices():
             _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
 
+    def _missing(self, behind: Mapping[JournalRun, int]) -> list[Missing]:
+        """Say what is missing, to the collector's thread."""
+        with self._at_gate:
+            return self._gate.missing(behind)
+
+    def _has_room(self) -> bool:
+        return len(self._inbox) < MOST_WAITING
+
     def _lets_in(self, received: Received) -> bool:
         """Say whether a message is to be recorded and handled; where not, it is counted."""
         key, payload = received
         sender = sender_of(key)
-        why = self._gate.admit(key, payload)
+        with self._at_gate:
+            why = self._gate.admit(key, payload)
         if why is not None:
             if why != "repeated":
                 self._tell_once(f"turned away: {why}", sender)
@@ -280,6 +317,7 @@ class Post:
 
     def _note_alive(self, key: str, is_alive: bool) -> None:
         incident, role, node_id = key.split("/")[2:5]
+        self._seen.put((role, node_id, is_alive))
         for node_role, topic in _ASKED.items():
             if role != node_role:
                 continue
@@ -298,6 +336,10 @@ class Post:
             key = self._joined.get(SHOW_PERIOD_S)
             for received in self._bus.query(str(key), ASK_TIMEOUT_S) if key is not None else ():
                 self._hear(received)
+
+    def _tell_comings(self) -> None:
+        for role, node_id, is_alive in self._seen.get_all():
+            _log.info("a node comes" if is_alive else "a node goes", role=role, node_id=node_id)
 
     def _tell_losses(self) -> None:
         refused = Counter[tuple[str, str]](self._incident.refusals)

@@ -9,6 +9,7 @@ import msgspec
 from msgspec import Meta
 
 from command_post.confidence import radii95_m
+from command_post.freshness import Freshness
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from command_post.incident import Incident, LastMovement, RaisedAlarm
@@ -89,11 +90,15 @@ class DapRow(NamedTuple):
 
 
 class Roster(NamedTuple):
-    """Everybody and every DAP at ``now_ns``: those with an alarm first, then by their ids."""
+    """Everybody and every DAP at ``now_ns``: those with an alarm first, then by their ids.
+
+    ``nodes`` tells of all nodes how fresh what is known of them is, others than these as well.
+    """
 
     now_ns: int
     responders: tuple[ResponderRow, ...]
     daps: tuple[DapRow, ...]
+    nodes: tuple[Freshness, ...] = ()
 
 
 def make_roster(
@@ -101,6 +106,7 @@ def make_roster(
     now_ns: int,
     settings: RosterSettings,
     alive: Collection[tuple[Role, str]] | None = None,
+    nodes: tuple[Freshness, ...] = (),
 ) -> Roster:
     """Return the roster of ``incident`` at ``now_ns``.
 
@@ -120,6 +126,7 @@ def make_roster(
             _dap_row(dap_id, daps.get(dap_id), incident, view)
             for dap_id in sorted(view.heard("dap") | daps.keys())
         ),
+        nodes,
     )
 
 

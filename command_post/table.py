@@ -6,6 +6,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
+from command_post.freshness import Freshness
 from command_post.roster import DapRow, ResponderRow, Roster
 from shared.messages import AlarmPhase
 
@@ -26,21 +27,38 @@ _ALARMS: dict[AlarmPhase, tuple[str, str]] = {
 
 
 def roster_table(roster: Roster) -> Table:
-    """Return the roster: responders, then DAPs."""
+    """Return the roster: responders, then DAPs, then other nodes of which there is a word."""
+    others = {(node.role, node.node_id): node for node in roster.nodes}
     table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("", min_width=5, no_wrap=True)
     for heading in ("north m", "east m", "down m", "95 % m", "heard"):
         table.add_column(heading, justify="right", min_width=7, no_wrap=True)
     table.add_column("status", min_width=20)
     for responder in roster.responders:
-        table.add_row(responder.responder_id, *_row(responder, _responder_status(responder)))
+        link = _link(others.pop(("responder", responder.responder_id), None), responder)
+        status = _joined(*_responder_status(responder), *link)
+        table.add_row(responder.responder_id, *_row(responder, status))
     table.add_section()
     for dap in roster.daps:
-        table.add_row(dap.dap_id, *_row(dap, _joined(_status(dap), *_fault(dap))))
+        link = _link(others.pop(("dap", dap.dap_id), None), dap)
+        table.add_row(dap.dap_id, *_row(dap, _joined(_status(dap), *_fault(dap), *link)))
+    table.add_section()
+    for node in others.values():
+        if node.words:
+            words = Text("; ".join(node.words), "yellow")
+            table.add_row(node.node_id, "", "", "", "", _age(node.heard_age_s), words)
     return table
 
 
-def _responder_status(row: ResponderRow) -> Text:
+def _link(node: Freshness | None, row: ResponderRow | DapRow) -> tuple[Text, ...]:
+    """Return what is to be told of the link to a node, but for what its status tells."""
+    if node is None:
+        return ()
+    silence = () if row.status == "lost" or node.silence is None else (node.silence,)
+    return tuple(Text(words, "yellow") for words in (*silence, *node.words))
+
+
+def _responder_status(row: ResponderRow) -> list[Text]:
     """Return what is to be known of a responder, in the order in which it matters."""
     parts = []
     if row.alarm is not None:
@@ -49,7 +67,7 @@ def _responder_status(row: ResponderRow) -> Text:
     parts.append(_status(row))
     if row.activity is not None:
         parts.append(Text(row.activity))
-    return _joined(*parts, *_fault(row))
+    return [*parts, *_fault(row)]
 
 
 def _fault(row: ResponderRow | DapRow) -> tuple[Text, ...]:
@@ -66,9 +84,13 @@ def _status(row: ResponderRow | DapRow) -> Text:
 
 def _row(row: ResponderRow | DapRow, status: Text) -> tuple[str | Text, ...]:
     """Return place, the longer half-axis of the 95 % ellipse, age and status."""
-    age = "" if row.heard_age_s is None else f"{row.heard_age_s:.0f} s"
+    age = _age(row.heard_age_s)
     if row.position is None or row.radii95_m is None:
         return "", "", "", "", age, status
     position, radius_m = row.position, row.radii95_m[0]
     place = (position.north_m, position.east_m, position.down_m)
     return (*(f"{coordinate_m:.1f}" for coordinate_m in place), f"±{radius_m:.1f}", age, status)
+
+
+def _age(age_s: float | None) -> str:
+    return "" if age_s is None else f"{age_s:.0f} s"

@@ -7,7 +7,7 @@ at an agent before an order is heeded. Whoever refills what was missed asks here
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from shared.codec import MAX_PAYLOAD_BYTES, Refusal, decode, parse_key
@@ -55,10 +55,11 @@ class JournalRun(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """What has not come of a journal, and is kept there."""
+    """What has not come of a journal, and is kept there: a hole; ``in_all`` are missing."""
 
     journal: JournalRun
     hole: Hole
+    in_all: int
 
 
 class Gate:
@@ -106,10 +107,18 @@ class Gate:
         """Yield each journal heard of, and what has come of it."""
         yield from self._journals.items()
 
-    def missing(self) -> list[Missing]:
-        """Return the lowest hole of every journal that has one."""
-        lowest = ((journal, next(each.holes(), None)) for journal, each in self._journals.items())
-        return [Missing(journal, hole) for journal, hole in lowest if hole is not None]
+    def missing(self, behind: Mapping[JournalRun, int] | None = None) -> list[Missing]:
+        """Return a hole of every journal that has one: the lowest.
+
+        Of a journal with a number in ``behind`` it is the lowest above that, if there is one.
+        """
+        found = []
+        for journal, numbers in self._journals.items():
+            hole = numbers.hole_behind(0 if behind is None else behind.get(journal, 0))
+            hole = hole or numbers.hole_behind(0)
+            if hole is not None:
+                found.append(Missing(journal, hole, numbers.missing))
+        return found
 
     def _judge(self, key: Key, key_text: str, payload: bytes) -> Turned | None:
         seal = read_seal(payload)
@@ -126,6 +135,8 @@ class Gate:
     def _take(self, key: Key, key_text: str, payload: bytes, seal: Seal) -> Turned | None:
         if TOPICS[key.topic].journalled:
             return self._take_journalled(key, seal)
+        if key_text not in self._live and len(self._live) >= MOST_RUNS:
+            return "too_many_runs"
         why = self._live.setdefault(key_text, _LiveRuns()).take(seal)
         if why is None and key.topic == "beat":
             self._heed(key, payload)

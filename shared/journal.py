@@ -15,11 +15,12 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import TypeAlias
 
 import structlog
 
 from shared.files import file_held_alone
+from shared.kept import Holding, Row, SealAs, within_bytes
 from shared.seal import RUN_BYTES
 from shared.units import NS_PER_S
 
@@ -50,52 +51,17 @@ _Written: TypeAlias = tuple[int, int, str, bytes, int]
 
 _log = structlog.stdlib.get_logger(__name__)
 
-SealAs: TypeAlias = Callable[[bytes, int], bytes]
-"""Makes of a run and a number the sealed bytes to be kept."""
-
 
 class JournalError(RuntimeError):
     """A journal cannot be written or read at present. The text says which, and why."""
 
 
+class JournalDamagedError(JournalError):
+    """A journal turns out to be damaged: opened again, it is moved aside."""
+
+
 class ForeignFileError(ValueError):
     """What is to be the journal belongs to another program. The text names it."""
-
-
-class Row(NamedTuple):
-    """A message as it was published, and its number in the journal's run."""
-
-    number: int
-    key: str
-    payload: bytes
-
-
-class Holding(NamedTuple):
-    """What is held of a run: see ``shared.messages.Beat``."""
-
-    run: bytes
-    last_number: int
-    kept_from: int
-    acknowledged: int
-
-
-class Keeps(Protocol):
-    """Keeps what is said, under a run and numbers of its own."""
-
-    def append(self, key: str, seal_as: SealAs) -> bytes:
-        """Keep the next message, and return it sealed. Raises ``JournalError``."""
-
-    def rows(self, first: int, last: int, most_rows: int, most_bytes: int) -> list[Row]:
-        """Return messages from number ``first`` to ``last``, in order, as many as may be.
-
-        The first one is returned however long it is. Raises ``JournalError``.
-        """
-
-    def acknowledge(self, number: int) -> None:
-        """Note that all up to ``number`` are safe elsewhere. Raises ``JournalError``."""
-
-    def holding(self) -> Holding:
-        """Say what is held."""
 
 
 class Journal:
@@ -298,16 +264,6 @@ class _DamagedError(Exception):
     """A file that SQLite can read is no whole journal."""
 
 
-def within_bytes(rows: Iterable[Row], most_bytes: int) -> Iterator[Row]:
-    """Yield the first of ``rows``, and more as long as keys and payloads fit ``most_bytes``."""
-    room = most_bytes
-    for index, row in enumerate(rows):
-        room -= len(row.key) + len(row.payload)
-        if room < 0 and index > 0:
-            return
-        yield row
-
-
 def _checksum(key: str, payload: bytes) -> int:
     return zlib.crc32(payload, zlib.crc32(key.encode()))
 
@@ -396,4 +352,5 @@ def _as_journal_error(path: Path) -> Iterator[None]:
     try:
         yield
     except (sqlite3.Error, OSError) as error:
-        raise JournalError(f"{path}: {error}") from error
+        kind = JournalDamagedError if _is_damage(error) else JournalError
+        raise kind(f"{path}: {error}") from error

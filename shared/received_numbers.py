@@ -68,6 +68,17 @@ class ReceivedNumbers:
         if first <= self.highest:
             yield Hole(first, self.highest)
 
+    def hole_behind(self, number: int) -> Hole | None:
+        """Return the lowest hole above ``number``, cut there; ``None`` if there is none."""
+        first = max(self.up_to, number) + 1
+        while first in self._beyond:
+            first += 1
+        if first > self.highest:
+            return None
+        return Hole(
+            first, min((n for n in self._beyond if n > first), default=self.highest + 1) - 1
+        )
+
     @property
     def missing(self) -> int:
         """How many are missing up to ``highest``."""

@@ -123,6 +123,11 @@ def certificate_key(incident: str, role: str, node_id: str) -> str:
     return f"clew/{WIRE_VERSION}/{incident}/{role}/{node_id}/certificate"
 
 
+def journal_key(incident: str, role: Role, node_id: str) -> str:
+    """Key under which a node answers for what is in its journal (``shared.refill``)."""
+    return f"clew/{WIRE_VERSION}/{incident}/{role}/{node_id}/journal"
+
+
 def all_alive_of(incident: str) -> str:
     """Key expression for the liveliness tokens of an incident's nodes."""
     return f"clew/{WIRE_VERSION}/{incident}/*/*/alive"

@@ -11,7 +11,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from shared.journal import KEPT_NS, Journal, Row, within_bytes
+from shared.journal import KEPT_NS, Journal
+from shared.kept import Row, within_bytes
 
 NUMBERS = st.integers(min_value=-2, max_value=30)
 

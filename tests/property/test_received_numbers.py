@@ -23,6 +23,10 @@ def test_new_once_and_holes_are_what_is_missing(came: list[int], highest: int) -
     assert {n for hole in holes for n in range(hole.first, hole.last + 1)} == missing
     assert holes == sorted(holes)
     assert received.missing == len(missing)
+    for number in range(last + 2):
+        beyond = [Hole(max(hole.first, number + 1), hole.last) for hole in holes]
+        expected = next((hole for hole in beyond if hole.first <= hole.last), None)
+        assert received.hole_behind(number) == expected
     assert received.up_to == min([*missing, last + 1]) - 1
     assert received.highest == last
 

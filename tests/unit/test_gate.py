@@ -55,9 +55,9 @@ def test_a_beat_tells_what_is_missing_and_what_is_gone() -> None:
     gate.admit(INCREMENT, sealed(stride_of(0), RUN, 4))
     gate.admit(BEAT, outbox.seal(TOPICS["beat"], BEAT, encode(beat(6))))
     journal = JournalRun("responder", "r1", RUN)
-    assert gate.missing() == [(journal, Hole(1, 3))]
+    assert gate.missing() == [(journal, Hole(1, 3), 5)]
     gate.admit(BEAT, outbox.seal(TOPICS["beat"], BEAT, encode(beat(6, kept_from=3))))
-    assert gate.missing() == [(journal, Hole(3, 3))]
+    assert gate.missing() == [(journal, Hole(3, 3), 3)]
     assert gate.gone[journal] == 2
 
 

@@ -155,8 +155,8 @@ def test_what_a_stranger_says_under_the_posts_own_keys_is_refused_evidence(tmp_p
         other.publish(key("increment"), stride(0))
         wait_for(lambda: len(said) == 3, "the post's next estimate")
     recorded = [one for one in read_recording(path) if one.key == track]
-    assert [one.outgoing for one in recorded] == [True, False, True]
-    assert recorded[1].payload == encode(forged)
+    assert [one.payload for one in recorded if not one.outgoing] == [encode(forged)]
+    assert len(recorded) == 3
     (estimates,) = read_evidence(path).tracks("live").values()
     assert estimates.position_m[:, 0].max() < 100.0
 
