@@ -1,27 +1,35 @@
 """The demo: a whole incident on one machine, every node its own process, over Zenoh on loopback.
 
-The launcher starts the post, the DAPs and the agents of a scenario, waits until all are alive,
-gives the start, and scores the recording against the simulated truth when all have finished.
+It is as in earnest: the launcher names all nodes by an authority made for this demo, so that links
+are encrypted and what is said is signed. It starts the post, the DAPs and the agents of a scenario,
+waits until all are alive, gives the start, and scores the recording against the simulated truth
+when all have finished.
 """
 
 from __future__ import annotations
 
+import shutil
 import socket
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
+from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
+from command_post.authority import Authority
 from command_post.children import Children
 from command_post.fusion.settings import HOLD_S
 from shared.bus.interface import Bus, Received
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
+from shared.introductions import Introductions
 from shared.messages import ExerciseStart
-from shared.sender import Sender
+from shared.security.bundle import Bundle
+from shared.security.certificates import AUTHORITY_ID, Identity
+from shared.sender import Sender, Unkept
 from shared.simulation.scenario import Scenario
-from shared.topics import Key, alive_key, all_alive_of, finished_key
+from shared.topics import Key, Role, alive_key, all_alive_of, finished_key
 from shared.units import NS_PER_S
 
 INCIDENT = "demo"
@@ -33,6 +41,7 @@ PREPARATIONS = ("agents.prepare", "post.prepare")
 PREPARED_SOON_S = 3.0
 READY_TIMEOUT_S = 90.0
 POLL_S = 0.1
+KEYS_DAYS = 7
 LONGEST_HOLD_S = 60.0
 LATEST_S = 0.6
 """How late, in real time, a busy machine may make a message."""
@@ -83,8 +92,15 @@ class DemoSettings(NamedTuple):
         """Where each process writes its log."""
         return self.directory / "logs"
 
+    @property
+    def keys(self) -> Path:
+        """Where the demo's own authority is, and each node's keys."""
+        return self.directory / "keys"
+
     def clear(self) -> None:
         """Remove what an earlier run of the scenario left in the folder."""
+        if (self.keys / AUTHORITY_ID).is_dir():
+            shutil.rmtree(self.keys)
         unfinished = self.recording.with_name(f"{self.recording.name}.part")
         for path in (self.recording, unfinished, self.picture, self.score):
             path.unlink(missing_ok=True)
@@ -99,12 +115,18 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
     with Children(settings.logs) as children:
         if not _prepare(settings, children, stop, say):
             return False
+        own_keys = _issue_keys(settings)
         locators = _start_nodes(settings, children)
-        with open_zenoh("client", connect=[locators[POST_ID]]) as bus:
+        with (
+            open_zenoh("client", connect=[locators[POST_ID]], bundle=own_keys) as bus,
+            Introductions(bus, INCIDENT, own_keys) as introductions,
+        ):
             say("starting " + ", ".join(children.running()))
             if not _wait_until_alive(settings, bus, children, stop):
                 return False
-            start = _give_the_start(settings, bus)
+            if not introductions.introduce():
+                raise DemoError(f"the post does not answer; its log: {children.log(POST_ID)}")
+            start = _give_the_start(settings, bus, own_keys)
             say(f"exercise started: {start.scenario}, seed {start.seed}, {start.speed:g}x")
             watch_the_pace(settings, bus, start, say)
             if not _wait_until_finished(settings, bus, children, stop, say):
@@ -135,17 +157,35 @@ def _prepare(
     return True
 
 
+def _issue_keys(settings: DemoSettings) -> Bundle:
+    """Name all nodes of the demo; return the launcher's own keys."""
+    named: dict[Role, Iterable[str]] = {
+        "post": [POST_ID, LAUNCHER_ID],
+        "dap": settings.scenario.daps,
+        "responder": settings.scenario.responders,
+    }
+    now = datetime.now(UTC).replace(microsecond=0)
+    authority = Authority.create(settings.keys, now, KEYS_DAYS)
+    nodes = [Identity(role, node_id) for role, ids in named.items() for node_id in ids]
+    authority.issue(nodes, (), now, KEYS_DAYS)
+    return Bundle(settings.keys / LAUNCHER_ID)
+
+
 def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
     names = [POST_ID, *settings.scenario.daps]
     locators = dict(zip(names, _free_loopback_locators(len(names)), strict=True))
     common = ("--incident", INCIDENT, "--await-start", "--with-parent")
+
+    def named(node_id: str) -> tuple[str, ...]:
+        return ("--id", node_id, "--keys", str(settings.keys / node_id), *common)
+
     simulated = f"simulated:{settings.scenario_name}"
     seed = ("--seed", str(settings.seed))
     table = ("--table",) if settings.shows_table else ()
     children.start(
         POST_ID,
         "command_post",
-        ("run", "--id", POST_ID, *common, "--listen", locators[POST_ID],
+        ("run", *named(POST_ID), "--listen", locators[POST_ID],
          "--record", str(settings.recording), *seed, "--hold", str(settings.hold_s), *table),
         shows=True,
     )  # fmt: skip
@@ -153,7 +193,7 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
         children.start(
             dap_id,
             "dap_node",
-            ("run", "--id", dap_id, *common, "--scan", simulated, *seed,
+            ("run", *named(dap_id), "--scan", simulated, *seed,
              "--listen", locators[dap_id], "--connect", locators[POST_ID]),
         )  # fmt: skip
     method = () if settings.method is None else ("--method", settings.method)
@@ -162,7 +202,7 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
         children.start(
             responder_id,
             "edge_agent",
-            ("run", "--id", responder_id, *common, "--source", simulated, *seed, *method, *dials),
+            ("run", *named(responder_id), "--source", simulated, *seed, *method, *dials),
         )
     return locators
 
@@ -173,7 +213,7 @@ def _free_loopback_locators(count: int) -> list[str]:
     try:
         for one in sockets:
             one.bind(("127.0.0.1", 0))
-        return [f"tcp/127.0.0.1:{one.getsockname()[1]}" for one in sockets]
+        return [f"tls/127.0.0.1:{one.getsockname()[1]}" for one in sockets]
     finally:
         for one in sockets:
             one.close()
@@ -228,8 +268,8 @@ def _wait_until_finished(
             return False
 
 
-def _give_the_start(settings: DemoSettings, bus: Bus) -> ExerciseStart:
-    sender = Sender(bus, INCIDENT, "post", LAUNCHER_ID)
+def _give_the_start(settings: DemoSettings, bus: Bus, own_keys: Bundle) -> ExerciseStart:
+    sender = Sender(bus, INCIDENT, "post", LAUNCHER_ID, Unkept(own_keys.sign))
     start = ExerciseStart(
         event_time_ns=SystemClock().now_ns(),
         sequence=sender.next_sequence(ExerciseStart),

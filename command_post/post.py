@@ -28,14 +28,15 @@ from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
 from shared.codec import Refusal, decode, parse_key
 from shared.collector import Collector
-from shared.gate import Gate, JournalRun, Missing
+from shared.gate import Gate, JournalRun, Missing, Turned
 from shared.mcap_reader import Recording
 from shared.messages import ExerciseStart
+from shared.security.certificates import Identity
+from shared.sender import Outbox
 from shared.time_service import time_answerer
 from shared.topics import (
     TOPICS,
     Key,
-    Priority,
     Role,
     alive_key,
     all_alive_of,
@@ -54,6 +55,9 @@ MOST_TOLD = 4096
 
 LAST_MESSAGES_S = 0.5
 """What is still heard when the post stops is handled for so long, then it is too late."""
+
+ITS_OWN_FAULT: frozenset[Turned] = frozenset({"replayed", "too_many_runs"})
+"""Of what is turned away, what the node must have said: the rest anybody may have in its name."""
 
 MOST_ON_THE_WAY = 20_000
 MOST_WAITING = 5_000
@@ -95,10 +99,13 @@ class Post:
         follows_exercise: bool,
         show: Callable[[Roster], None],
         gate: Gate | None = None,
+        outbox: Outbox | None = None,
+        meet: Callable[[Identity], object] = lambda _: None,
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
-        ``gate``: what lets messages in; without one, everybody is believed.
+        ``gate``: what lets messages in; without one, everybody is believed. ``outbox``: what seals
+        what the post says. ``meet``: asks a node that comes who it is.
         """
         self._bus = bus
         self._incident = incident
@@ -113,6 +120,8 @@ class Post:
         self._show = show
         self._gate = gate or Gate()
         self._at_gate = Lock()
+        self._outbox = outbox
+        self._meet = meet
         self._inbox = FairInbox[_Heard](INBOX_MESSAGES, INBOX_BYTES)
         self._patience = Patience(time.monotonic())
         self._watch = NodeWatch()
@@ -196,7 +205,9 @@ class Post:
         """Return who is where at ``now_ns`` of the post's clock."""
         alive = tuple(self._alive)
         nodes = self._watch.fresh(now_ns, alive, self._gate, self._useless())
-        return make_roster(self._incident, now_ns, RosterSettings(), alive, nodes)
+        return make_roster(
+            self._incident, now_ns, RosterSettings(), alive, nodes, self._gate.turned
+        )
 
     def _useless(self) -> Counter[str]:
         """Return how much of no use each sender has sent."""
@@ -265,7 +276,8 @@ class Post:
         if why is not None:
             if why != "repeated":
                 self._tell_once(f"turned away: {why}", sender)
-                self._blame(received)
+                if why in ITS_OWN_FAULT:
+                    self._blame(received)
             return False
         if self._patience.bears(sender, len(payload), time.monotonic()):
             return True
@@ -293,10 +305,14 @@ class Post:
 
     def _publish(self, outgoing: Sequence[Outgoing]) -> None:
         for message in outgoing:
-            self._said[Received(message.key, message.payload)] = None
+            key, payload = message.key, message.payload
+            topic = TOPICS[key.rpartition("/")[2]]
+            if self._outbox is not None:
+                payload = self._outbox.seal(topic, key, payload)
+            self._said[Received(key, payload)] = None
             if len(self._said) > MOST_ON_THE_WAY:
                 self._said.popitem(last=False)
-            self._bus.publish(message.key, message.payload, _priority(message.key))
+            self._bus.publish(key, payload, topic.priority)
 
     def _follow(self, key: str, payload: bytes) -> None:
         """Set the clock by an ``ExerciseStart``."""
@@ -334,7 +350,10 @@ class Post:
         """
         while not stop.is_set():
             key = self._joined.get(SHOW_PERIOD_S)
-            for received in self._bus.query(str(key), ASK_TIMEOUT_S) if key is not None else ():
+            if key is None:
+                continue
+            self._meet(Identity(key.role, key.node_id))
+            for received in self._bus.query(str(key), ASK_TIMEOUT_S):
                 self._hear(received)
 
     def _tell_comings(self) -> None:
@@ -358,7 +377,3 @@ class Post:
 
 def _came_ns(heard: _Heard) -> int:
     return heard.came_ns
-
-
-def _priority(key: str) -> Priority:
-    return TOPICS[key.rpartition("/")[2]].priority

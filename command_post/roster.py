@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 import msgspec
@@ -13,6 +13,7 @@ from command_post.freshness import Freshness
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from command_post.incident import Incident, LastMovement, RaisedAlarm
+from shared.gate import Turned
 from shared.messages import Activity, Alarm, AlarmKind, LocalPosition, NodeHealth
 from shared.topics import Role
 from shared.units import NS_PER_S
@@ -38,6 +39,14 @@ _ACTIVITIES: dict[Activity, str] = {
     "lift": "in a lift",
 }
 
+
+_DOUBTFUL: dict[Turned, str] = {
+    "forged": "that it has not signed",
+    "unsigned": "without a signature",
+    "unsealed": "without a signature",
+    "expired": "with an expired certificate",
+    "withdrawn": "with a withdrawn key",
+}
 
 MOST_AHEAD_NS = 5 * NS_PER_S
 """A clock further ahead than this says nothing about when."""
@@ -107,13 +116,14 @@ def make_roster(
     settings: RosterSettings,
     alive: Collection[tuple[Role, str]] | None = None,
     nodes: tuple[Freshness, ...] = (),
+    turned: Mapping[tuple[Turned, str], int] | None = None,
 ) -> Roster:
     """Return the roster of ``incident`` at ``now_ns``.
 
     ``alive`` names the nodes that hold a liveliness token; without it, only silence tells that a
-    node is lost.
+    node is lost. ``turned`` counts what was not let in, by reason and node.
     """
-    view = _View(incident.heard_ns, now_ns, settings, alive)
+    view = _View(incident.heard_ns, now_ns, settings, alive, turned or {})
     estimates, daps = incident.estimates, incident.daps
     responders = [
         _responder_row(responder_id, estimates.get(responder_id), incident, view)
@@ -137,6 +147,7 @@ class _View(NamedTuple):
     now_ns: int
     settings: RosterSettings
     alive: Collection[tuple[Role, str]] | None
+    turned: Mapping[tuple[Turned, str], int]
 
     def heard(self, role: Role) -> set[str]:
         return {node_id for node_role, node_id in self.heard_ns if node_role == role}
@@ -151,6 +162,13 @@ class _View(NamedTuple):
 
     def heard_age_s(self, role: Role, node_id: str) -> float | None:
         return self.age_s(self.heard_ns.get((role, node_id)))
+
+    def doubtful(self, node_id: str) -> Iterator[str]:
+        """Yield what is said in a node's name, and is not shown to be its word."""
+        for why, words in _DOUBTFUL.items():
+            count = self.turned.get((why, node_id), 0)
+            if count:
+                yield f"{count} messages {words} were not let in"
 
     def why_lost(self, role: Role, node_id: str) -> str | None:
         """Say why a node counts as lost, if it does."""
@@ -181,6 +199,7 @@ def _responder_row(
         ),
         fault=_fault(
             *incident.faults("responder", responder_id, view.now_ns),
+            *view.doubtful(responder_id),
             *_worst(incident.health.get(responder_id)),
         ),
     )
@@ -246,5 +265,8 @@ def _dap_row(dap_id: str, dap: InstalledDap | None, incident: Incident, view: _V
         radii95_m=radii95_m(dap.position.covariance_m2) if dap else None,
         heard_age_s=view.heard_age_s("dap", dap_id),
         installer_id=dap.installer_id if dap else None,
-        fault=_fault(*incident.faults("dap", dap_id, view.now_ns)),
+        fault=_fault(
+            *incident.faults("dap", dap_id, view.now_ns),
+            *view.doubtful(dap_id),
+        ),
     )

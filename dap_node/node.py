@@ -17,6 +17,7 @@ from dap_node.settings import DapSettings
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.codec import Refusal, decode, parse_key
+from shared.gate import Gate
 from shared.messages import (
     DapEstimate,
     DapInstallation,
@@ -28,7 +29,7 @@ from shared.messages import (
     Vector3,
 )
 from shared.rssi_peaks import Peak, PeakDetector
-from shared.sender import Sender
+from shared.sender import Outbox, Sender
 from shared.topics import Key, alive_key
 from shared.units import NS_PER_S
 
@@ -52,12 +53,18 @@ class DapNode:
         settings: DapSettings | None = None,
         *,
         sends_rssi: bool = True,
+        outbox: Outbox | None = None,
+        gate: Gate | None = None,
     ) -> None:
-        """``sends_rssi``: publish every reading as well, for the record."""
+        """``sends_rssi``: publish every reading as well, for the record.
+
+        ``outbox``: see ``Sender``. ``gate``: lets in what posts say; without one, everybody does.
+        """
         self._sends_rssi = sends_rssi
         settings = settings or DapSettings()
         self.refusals: Counter[str] = Counter()
-        self._sender = Sender(bus, incident, "dap", dap_id)
+        self._sender = Sender(bus, incident, "dap", dap_id, outbox)
+        self._gate = gate or Gate()
         self._standing = Standing(dap_id)
         self._offset_db = settings.offset_db
         self._proximity = ProximityDetector(settings.proximity)
@@ -116,10 +123,15 @@ class DapNode:
 
     def _heed_posts(self) -> None:
         for received in self._inbox.get_all():
+            why = self._gate.admit(*received)
+            if why is not None:
+                if why != "repeated":
+                    self._refuse(received.key, why, "not let in")
+                continue
             key = parse_key(received.key)
             message = key if isinstance(key, Refusal) else decode(key, received.payload)
             if isinstance(message, Refusal):
-                self._refuse(received.key, message)
+                self._refuse(received.key, *message)
             elif isinstance(message, DapEstimate):
                 self._learn(message)
 
@@ -130,10 +142,10 @@ class DapNode:
             place = estimate.position
             _log.info("placed", north_m=round(place.north_m, 2), east_m=round(place.east_m, 2))
 
-    def _refuse(self, key: str, refusal: Refusal) -> None:
-        self.refusals[refusal.reason] += 1
-        if self.refusals[refusal.reason] == 1:
-            _log.warning("refused", key=key, reason=refusal.reason, detail=refusal.detail)
+    def _refuse(self, key: str, reason: str, detail: str) -> None:
+        self.refusals[reason] += 1
+        if self.refusals[reason] == 1:
+            _log.warning("refused", key=key, reason=reason, detail=detail)
 
     def _say_place(self, installation: Installation) -> None:
         place = DapInstallation(

@@ -9,6 +9,7 @@ from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
+from shared.gate import Gate
 from shared.messages import ExerciseStart, NodeId
 from shared.topics import Key
 from shared.units import NS_PER_S
@@ -22,32 +23,37 @@ HEAR_S = 0.2
 ASK_TIMEOUT_S = 0.5
 
 
-def await_exercise(bus: Bus, incident: NodeId, stop: Event) -> ExerciseStart | None:
+def await_exercise(bus: Bus, incident: NodeId, gate: Gate, stop: Event) -> ExerciseStart | None:
     """Wait until the start of the exercise is given; ``None`` if ``stop`` is set before.
 
-    Who joins late is told as well: as long as nothing is heard, the posts are asked.
+    ``gate`` lets in who may give it. Who joins late is told as well: as long as nothing is heard,
+    the posts are asked.
     """
     key = str(Key(incident, "post", "*", "exercise"))
     inbox: Inbox[Received] = Inbox(16)
     bus.subscribe(key, inbox.put)
     while not stop.is_set():
-        start = _first_start(inbox.get_all(HEAR_S)) or _first_start(bus.query(key, ASK_TIMEOUT_S))
+        start = _first_start(inbox.get_all(HEAR_S), gate)
+        start = start or _first_start(bus.query(key, ASK_TIMEOUT_S), gate)
         if start is not None:
             return start
     return None
 
 
-def ask_clock(bus: Bus, incident: NodeId) -> Clock:
-    """Return the clock that the incident goes by: its exercise's if there is one."""
+def ask_clock(bus: Bus, incident: NodeId, gate: Gate) -> Clock:
+    """Return the clock that the incident goes by: its exercise's if there is one.
+
+    ``gate`` lets in who may give an exercise.
+    """
     key = str(Key(incident, "post", "*", "exercise"))
-    start = _first_start(bus.query(key, ASK_TIMEOUT_S))
+    start = _first_start(bus.query(key, ASK_TIMEOUT_S), gate)
     return SystemClock() if start is None else ScaledClock(start.event_time_ns, start.speed)
 
 
-def _first_start(heard: Iterable[Received]) -> ExerciseStart | None:
+def _first_start(heard: Iterable[Received], gate: Gate) -> ExerciseStart | None:
     for received in heard:
         key = parse_key(received.key)
-        if not isinstance(key, Refusal):
+        if not isinstance(key, Refusal) and gate.admit(*received) is None:
             message = decode(key, received.payload)
             if isinstance(message, ExerciseStart):
                 return message

@@ -1,6 +1,7 @@
 """Nodes make themselves known: each shows its certificate, and asks for those it has not seen.
 
-A certificate speaks for itself, so it does not matter who hands it on.
+Whoever asks a post for its certificate shows its own in the question. A certificate speaks for
+itself, so it does not matter who hands it on.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from shared.messages import NodeId
 from shared.security.bundle import Bundle
 from shared.security.certificates import Identity
 from shared.security.verifier import KnownSigners
-from shared.topics import certificate_key
+from shared.topics import ROLES, certificate_key
 
 POLL_S = 0.2
 ASK_TIMEOUT_S = 1.0
@@ -48,6 +49,7 @@ class Introductions:
         self._bus = bus
         self._incident = incident
         self._bundle = bundle
+        self._lock = threading.Lock()
         self._asked_s: OrderedDict[Identity, float] = OrderedDict()
         self._stop = threading.Event()
         # No daemon: it is inside Zenoh when it asks.
@@ -55,13 +57,12 @@ class Introductions:
         self.signers: KnownSigners | None = None
         if bundle is not None:
             self.signers = KnownSigners(bundle.authority, now_ns, bundle.nodes.withdrawn)
-            self.signers.learn(bundle.identity, bundle.certificate.der)
+            self.signers.learn(bundle.certificate.der)
 
     def __enter__(self) -> Self:
         if self._bundle is not None:
-            role, node_id = self._bundle.identity
-            shown = self._bundle.certificate.der
-            self._bus.answer(certificate_key(self._incident, role, node_id), lambda _: shown)
+            own = certificate_key(self._incident, *self._bundle.identity)
+            self._bus.answer(own, self._show)
             self._thread.start()
         return self
 
@@ -70,18 +71,46 @@ class Introductions:
         if self._thread.ident is not None:
             self._thread.join()
 
-    def meet(self, node: Identity) -> None:
-        """Ask a node for its certificate, and wait for the answer."""
+    def introduce(self) -> bool:
+        """Show the posts who this is, and learn who they are; say whether one answered."""
+        return self._bundle is None or self._ask(
+            Identity("post", "*"), self._bundle.certificate.der
+        )
+
+    def meet(self, node: Identity) -> bool:
+        """Ask a node for its certificate; say whether it has shown one that is of use."""
+        return self._bundle is None or self._ask(node, b"")
+
+    def _ask(self, whom: Identity, showing: bytes) -> bool:
+        key = certificate_key(self._incident, *whom)
+        replies = self._bus.query(key, ASK_TIMEOUT_S, showing)
+        # All of them: no impostor's answer is to hide the true one.
+        learnt = [self._learn(each.payload, node_of(each.key)) for each in replies]
+        return any(learnt)
+
+    def _show(self, request: bytes) -> bytes | None:
+        if self._bundle is None:
+            return None
+        if request:
+            self._learn(request, None)
+        return self._bundle.certificate.der
+
+    def _learn(self, der: bytes, shown_as: Identity | None) -> bool:
         if self.signers is None:
-            return
-        key = certificate_key(self._incident, *node)
-        for received in self._bus.query(key, ASK_TIMEOUT_S):
-            why = self.signers.learn(node, received.payload)
-            if why is not None and self.signers.refused[why, node.node_id] == 1:
-                _log.warning("a certificate is of no use", reason=why, node_id=node.node_id)
+            return False
+        with self._lock:
+            before = len(self.signers.refused)
+            why = self.signers.learn(der, shown_as)
+            is_new = len(self.signers.refused) > before
+        if is_new:
+            node_id = None if shown_as is None else shown_as.node_id
+            _log.warning("a certificate is of no use", reason=why, shown_as=node_id)
+        return why is None
 
     def _run(self) -> None:
+        introduced = False
         while not self._stop.wait(POLL_S):
+            introduced = introduced or self.introduce()
             for node in () if self.signers is None else self.signers.take_wanted():
                 if self._stop.is_set():
                     return
@@ -97,3 +126,10 @@ class Introductions:
         if len(self._asked_s) > MOST_ASKED:
             self._asked_s.popitem(last=False)
         return True
+
+
+def node_of(key: str) -> Identity | None:
+    """Return whose key it is; ``None`` for one that is not ours."""
+    chunks = key.split("/")
+    role = next((known for known in ROLES if chunks[3:4] == [known]), None)
+    return Identity(role, chunks[4]) if role is not None and len(chunks) > 4 else None

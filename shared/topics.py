@@ -119,7 +119,7 @@ def time_key(incident: str, post_id: str) -> str:
 
 
 def certificate_key(incident: str, role: str, node_id: str) -> str:
-    """Key under which a node shows its certificate to whoever asks."""
+    """Key under which a node shows its certificate to whoever asks, and shows their own."""
     return f"clew/{WIRE_VERSION}/{incident}/{role}/{node_id}/certificate"
 
 

@@ -39,12 +39,15 @@ from shared.files import (
     held_alone,
     replace_atomically,
 )
+from shared.gate import Gate
+from shared.introductions import Introductions
 from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode, configure_logging, stop_on_signals, stop_with_parent
+from shared.security.certificates import Identity
+from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.sender import Unkept
 from shared.simulation.scenario import load_scenario
 from shared.topics import check_id
-
-DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 
@@ -56,7 +59,9 @@ def run(
     incident: str = "incident",
     post_id: Annotated[str, Parameter(name="--id")] = "post",
     record: Path = Path("incident.mcap"),
-    listen: str = DEFAULT_LISTEN,
+    listen: str | None = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
     seed: int = 1,
     particles: int = 1000,
     hold_s: Annotated[float | None, Parameter(name="--hold")] = None,
@@ -67,7 +72,8 @@ def run(
 ) -> int:
     """Hear an incident, fuse it, record it, until SIGINT or SIGTERM.
 
-    Example: command-post run --incident harbour --record harbour.mcap --table
+    Example: command-post run --incident harbour --record harbour.mcap --keys keys/post
+    --listen tls/0.0.0.0:7447 --table
 
     Parameters
     ----------
@@ -79,7 +85,11 @@ def run(
         Where the recording goes. After a kill or a power cut, the same command goes on with it;
         otherwise its name must be free.
     listen
-        Where DAPs and agents find the post; loopback only, for links are not encrypted yet.
+        Where DAPs and agents find the post; by default port 7447 of this machine alone.
+    keys
+        Folder of the post's keys: 'command-post keys issue' makes it.
+    insecure
+        Do without keys, on one machine: nothing is encrypted or authenticated.
     seed
         Of the particle filters' random numbers.
     particles
@@ -103,8 +113,14 @@ def run(
             time_line=checked(TimeLineSettings(hold_s=hold_s)),
             fusion=with_plan(checked(FusionSettings(seed=seed, particles=particles)), plan),
         )
+        bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
         make_ready(settings.fusion)
-        with stop_on_signals() as stop, open_zenoh("router", listen=[listen]) as bus:
+        listened = [listen or local_endpoint(bundle)]
+        with (
+            stop_on_signals() as stop,
+            open_zenoh("router", listen=listened, bundle=bundle) as bus,
+            Introductions(bus, incident, bundle) as introductions,
+        ):
             if with_parent:
                 stop_with_parent(stop)
             metadata = settings.as_metadata()
@@ -115,7 +131,9 @@ def run(
             ):
                 post = Post(
                     bus, Incident(settings), recorder, SystemClock(),
-                    follows_exercise=await_start, show=show,
+                    follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
+                    outbox=Unkept(None if bundle is None else bundle.sign),
+                    meet=introductions.meet,
                 )  # fmt: skip
                 if recorder.unfinished is not None:
                     post.take_up(read_recording(recorder.unfinished))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import structlog
 from cyclopts import Parameter, validators
@@ -13,19 +14,33 @@ from shared.bus.interface import Bus
 from shared.bus.zenoh_bus import open_zenoh
 from shared.config import checked
 from shared.exercise import ask_clock
+from shared.gate import Gate
+from shared.introductions import Introductions
 from shared.messages import HeightFix, LocalPosition, Message, PositionFix
 from shared.process import ExitCode
-from shared.sender import Sender
+from shared.security.certificates import Identity
+from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.sender import Sender, Unkept
 from shared.topics import alive_key, check_id
 
-DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
 FIND_POST_S = 5.0
 POLL_S = 0.05
 NS_PER_MS = 1_000_000
 
 Deviation = Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))]
 Dialled = Annotated[tuple[str, ...], Parameter(consume_multiple=False)]
-Sayer = Annotated[str, Parameter(name="--id")]
+SayerId = Annotated[str, Parameter(name="--id")]
+
+
+class Sayer(NamedTuple):
+    """Who says it, in which incident, to whom, and with what keys."""
+
+    incident: str
+    commander_id: str
+    connect: tuple[str, ...]
+    keys: Path | None
+    insecure: bool
+
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -38,12 +53,14 @@ def click(
     down: float = 0.0,
     sd: Deviation = 2.0,
     incident: str = "incident",
-    connect: Dialled = DEFAULT_CONNECT,
-    commander_id: Sayer = "commander",
+    connect: Dialled = (),
+    keys: Keys = None,
+    insecure: Insecure = False,
+    commander_id: SayerId = "commander",
 ) -> int:
     """Say where a responder is now, as by a click on the map: 'he is here'.
 
-    Example: command-post click --incident harbour --responder r1 --north 12.5 --east=-3 --sd 1.5
+    Example: command-post click --keys keys/commander --responder r1 --north 12.5 --east=-3 --sd 1.5
 
     Parameters
     ----------
@@ -60,7 +77,11 @@ def click(
     incident
         Name of the incident.
     connect
-        The running post, or DAPs, to dial, one an option.
+        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
+    keys
+        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
+    insecure
+        Do without keys, on one machine.
     commander_id
         Who says so; another name than the post's.
 
@@ -75,7 +96,9 @@ def click(
             responder_id=responder, source="commander", position=place,
         )  # fmt: skip
 
-    return _say(fix, incident, commander_id, connect, "--responder", responder)
+    return _say(
+        fix, Sayer(incident, commander_id, connect, keys, insecure), "--responder", responder
+    )
 
 
 def floor(
@@ -85,12 +108,14 @@ def floor(
     dap: str | None = None,
     sd: Deviation = 0.5,
     incident: str = "incident",
-    connect: Dialled = DEFAULT_CONNECT,
-    commander_id: Sayer = "commander",
+    connect: Dialled = (),
+    keys: Keys = None,
+    insecure: Insecure = False,
+    commander_id: SayerId = "commander",
 ) -> int:
     """Say on what floor a responder is now, or on what floor a DAP stands.
 
-    Example: command-post floor --incident harbour --responder r1 --height 3.2
+    Example: command-post floor --keys keys/commander --responder r1 --height 3.2
 
     Parameters
     ----------
@@ -105,7 +130,11 @@ def floor(
     incident
         Name of the incident.
     connect
-        The running post, or DAPs, to dial, one an option.
+        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
+    keys
+        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
+    insecure
+        Do without keys, on one machine.
     commander_id
         Who says so; another name than the post's.
 
@@ -123,33 +152,37 @@ def floor(
         )  # fmt: skip
 
     option = "--responder" if responder else "--dap"
-    return _say(fix, incident, commander_id, connect, option, node_id)
+    return _say(fix, Sayer(incident, commander_id, connect, keys, insecure), option, node_id)
 
 
-def _say(
-    message: Callable[[int, int], Message],
-    incident: str,
-    commander_id: str,
-    connect: tuple[str, ...],
-    option: str,
-    node_id: str,
-) -> int:
+def _say(message: Callable[[int, int], Message], sayer: Sayer, option: str, node_id: str) -> int:
     """Publish ``message(time_ns, sequence)`` at the time of the post's clock, once one listens."""
+    incident, commander_id = sayer.incident, sayer.commander_id
     try:
         check_id(incident, "--incident")
         check_id(commander_id, "--id")
         check_id(node_id, option)
         checked(message(0, 0))
-        with open_zenoh("client", connect=connect) as bus:
+        bundle = open_keys(sayer.keys, Identity("post", commander_id), insecure=sayer.insecure)
+        dialled = sayer.connect or (local_endpoint(bundle),)
+        with (
+            open_zenoh("client", connect=dialled, bundle=bundle) as bus,
+            Introductions(bus, incident, bundle) as introductions,
+        ):
             posts = _find_posts(bus, incident)
             if not posts:
                 _log.error(f"no post of incident {incident!r} is heard; start it, or see --connect")
                 return ExitCode.FAILURE
             if commander_id in posts:
                 raise ValueError(f"--id {commander_id!r} is the post's own; give another")
-            now_ns = ask_clock(bus, incident).now_ns()
+            if not introductions.introduce():
+                _log.error("the post does not show who it is; give keys of the same authority")
+                return ExitCode.FAILURE
+            now_ns = ask_clock(bus, incident, Gate(introductions.signers)).now_ns()
+            outbox = Unkept(None if bundle is None else bundle.sign)
+            sender = Sender(bus, incident, "post", commander_id, outbox)
             # Every order is a process of its own: counting by the clock, none repeats another.
-            Sender(bus, incident, "post", commander_id).send(message(now_ns, now_ns // NS_PER_MS))
+            sender.send(message(now_ns, now_ns // NS_PER_MS))
     except ValueError as error:
         _log.error(str(error))
         return ExitCode.USAGE

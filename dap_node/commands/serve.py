@@ -22,6 +22,8 @@ from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
 from shared.config import load_toml
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
+from shared.gate import Gate
+from shared.introductions import Introductions
 from shared.messages import NodeId
 from shared.process import (
     ExitCode,
@@ -31,11 +33,12 @@ from shared.process import (
     stop_with_parent,
     wait_until,
 )
+from shared.security.certificates import Identity
+from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.sender import Unkept
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.topics import alive_key, check_id
 
-DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
-DEFAULT_LISTEN = "tcp/127.0.0.1:0"
 SIMULATED = "simulated:"
 POLL_S = 0.1
 
@@ -47,8 +50,10 @@ def run(
     dap_id: Annotated[str, Parameter(name="--id")],
     scan: str,
     incident: str = "incident",
-    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
-    listen: str = DEFAULT_LISTEN,
+    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
+    listen: str | None = None,
+    keys: Keys = None,
+    insecure: Insecure = False,
     config: Path | None = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
@@ -58,7 +63,8 @@ def run(
     """Say who is near this DAP and where it stands, and relay for others.
 
     Runs until SIGINT or SIGTERM, or until a simulated exercise is over and no responder is alive
-    that it might relay for. Example: dap-node run --id dap2 --scan simulated:four_daps --speed 4
+    that it might relay for. Example: dap-node run --id dap2 --scan simulated:four_daps
+    --keys keys/dap2 --listen tls/0.0.0.0:7447 --connect tls/192.168.7.10:7447
 
     Parameters
     ----------
@@ -69,9 +75,14 @@ def run(
     incident
         Name of the incident.
     connect
-        Posts and DAPs to dial, one an option; the links to all are kept up.
+        Posts and DAPs to dial, one an option; the links to all are kept up. By default port 7447
+        of this machine.
     listen
-        Where agents and other DAPs find this one; loopback only, for links are not encrypted yet.
+        Where agents and other DAPs find this one; by default a free port of this machine.
+    keys
+        Folder of this DAP's keys: 'command-post keys issue' makes it.
+    insecure
+        Do without keys, on one machine: nothing is encrypted or authenticated.
     config
         TOML file with offset_db, [proximity] and [peaks] for another radio than the usual.
     seed
@@ -87,17 +98,25 @@ def run(
     try:
         check_id(incident, "--incident")
         check_id(dap_id, "--id")
+        bundle = open_keys(keys, Identity("dap", dap_id), insecure=insecure)
         settings = load_toml(config, DapSettings) if config else DapSettings()
         scanner = open_scanner(scan, dap_id, seed)
-        bus = open_zenoh("router", connect, [listen])
+        dialled = connect or (local_endpoint(bundle),)
+        bus = open_zenoh("router", dialled, [listen or local_endpoint(bundle, port=0)], bundle)
     except (ValueError, OSError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE if isinstance(error, OSError) else ExitCode.USAGE
-    with bus, stop_on_signals() as stop:
+    with (
+        bus,
+        Introductions(bus, incident, bundle) as introductions,
+        stop_on_signals() as stop,
+    ):
         if with_parent:
             stop_with_parent(stop)
-        node = DapNode(bus, incident, dap_id, settings)
-        _serve(bus, incident, node, scanner, stop, None if await_start else speed)
+        gate = Gate(introductions.signers)
+        outbox = Unkept(None if bundle is None else bundle.sign)
+        node = DapNode(bus, incident, dap_id, settings, outbox=outbox, gate=gate)
+        _serve(bus, incident, node, scanner, gate, stop, None if await_start else speed)
     return ExitCode.OK
 
 
@@ -106,6 +125,7 @@ def _serve(
     incident: NodeId,
     node: DapNode,
     scanner: SimulatedScanner,
+    gate: Gate,
     stop: Event,
     speed: float | None,
 ) -> None:
@@ -116,7 +136,7 @@ def _serve(
     company = Company(bus, incident)
     start_ns = SystemClock().now_ns()
     if speed is None:
-        exercise = await_exercise(bus, incident, stop)
+        exercise = await_exercise(bus, incident, gate, stop)
         if exercise is None:
             return
         start_ns, speed = exercise.event_time_ns, exercise.speed

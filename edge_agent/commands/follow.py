@@ -21,6 +21,8 @@ from shared.bus.zenoh_bus import ZenohBus, open_zenoh
 from shared.clock import Clock, ScaledClock, SystemClock
 from shared.config import ConfigError, checked
 from shared.exercise import await_exercise
+from shared.gate import Gate
+from shared.introductions import Introductions
 from shared.messages import LocalPosition, TrackStart
 from shared.process import (
     ExitCode,
@@ -28,10 +30,11 @@ from shared.process import (
     stop_with_parent,
     wait_until,
 )
-from shared.sender import Sender
+from shared.security.certificates import Identity
+from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.sender import Sender, Unkept
 from shared.topics import alive_key, check_id, finished_key
 
-DEFAULT_CONNECT = ("tcp/127.0.0.1:7447",)
 LINK_POLL_S = 0.05
 WAIT_AHEAD_NS = 10_000_000
 """Samples this close together are taken without a wait between them."""
@@ -47,7 +50,9 @@ def run(
     source: str,
     incident: str = "incident",
     method: MethodName = DEFAULT_METHOD,
-    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = DEFAULT_CONNECT,
+    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
+    keys: Keys = None,
+    insecure: Insecure = False,
     start: tuple[float, float, float] | None = None,
     stands_at: str | None = None,
     stands_at_sd: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e3))] = 1.0,
@@ -60,8 +65,9 @@ def run(
 ) -> int:
     """Follow one responder and publish their movement, until the source ends or SIGINT, SIGTERM.
 
-    Examples: edge-agent run --id r1 --source csv:walk.csv --speed 4;
-    edge-agent run --id r1 --source simulated:four_daps --stands-at=-1.5,0.4 --stands-at-sd 0.5
+    Examples: edge-agent run --id r1 --source csv:walk.csv --keys keys/r1
+    --connect tls/192.168.7.11:7447;
+    edge-agent run --id r1 --source simulated:four_daps --insecure --stands-at=-1.5,0.4
 
     Parameters
     ----------
@@ -74,7 +80,12 @@ def run(
     method
         How the boot's sensor is read.
     connect
-        DAPs and posts to dial, one an option; the first that answers is kept to.
+        DAPs and posts to dial, one an option; the first that answers is kept to. By default
+        port 7447 of this machine.
+    keys
+        Folder of this responder's keys: 'command-post keys issue' makes it.
+    insecure
+        Do without keys, on one machine: nothing is encrypted or authenticated.
     start
         Where the wearer stands at first: metres north, east and down of the incident's origin.
     stands_at
@@ -98,21 +109,29 @@ def run(
     try:
         check_id(incident, "--incident")
         check_id(responder_id, "--id")
+        bundle = open_keys(keys, Identity("responder", responder_id), insecure=insecure)
         # A sensor that is read already would wait, or lose, what comes while code is built.
         mount = prepared_mount(method, dominant_direction=dominant_direction)
         opened = open_source(source, responder_id, seed)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
-        with stop_on_signals() as stop, open_zenoh("client", connect=connect) as bus:
+        dialled = connect or (local_endpoint(bundle),)
+        with (
+            stop_on_signals() as stop,
+            open_zenoh("client", connect=dialled, bundle=bundle) as bus,
+            Introductions(bus, incident, bundle) as introductions,
+        ):
             if with_parent:
                 stop_with_parent(stop)
-            sender = Sender(bus, incident, "responder", responder_id)
+            outbox = Unkept(None if bundle is None else bundle.sign)
+            sender = Sender(bus, incident, "responder", responder_id, outbox)
             place = _place(start) or opened.start
             agent = Agent(sender, mount, method, place, sends_imu=imu, stands_at=known_point)
             bus.answer(sender.key(TrackStart), lambda _: agent.start_payload)
             bus.declare_alive(alive_key(incident, "responder", responder_id))
             _await_link(bus, stop)
             if await_start:
-                _take_part(agent, opened, bus, incident, responder_id, stop)
+                gate = Gate(introductions.signers)
+                _take_part(agent, opened, bus, incident, responder_id, gate, stop)
             else:
                 begin_ns = SystemClock().now_ns()
                 _follow(agent, opened.beginning_at(begin_ns), ScaledClock(begin_ns, speed), stop)
@@ -124,13 +143,19 @@ def run(
 
 
 def _take_part(
-    agent: Agent, source: Source, bus: ZenohBus, incident: str, responder_id: str, stop: Event
+    agent: Agent,
+    source: Source,
+    bus: ZenohBus,
+    incident: str,
+    responder_id: str,
+    gate: Gate,
+    stop: Event,
 ) -> None:
     """Follow ``source`` from the start of the exercise, at its speed.
 
     The wearer then stays where they are, until the exercise is over for everybody.
     """
-    exercise = await_exercise(bus, incident, stop)
+    exercise = await_exercise(bus, incident, gate, stop)
     if exercise is None:
         return
     begin_ns = exercise.event_time_ns

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 
-from shared.gate import Turned
+from shared.gate import UNNAMED, Turned
 from shared.seal import Seal, to_be_signed
 from shared.security.certificates import (
     BadCertificate,
@@ -33,7 +33,7 @@ class KnownSigners:
 
     A certificate counts at the receiver's own clock, ``now_ns``, and so is refused from the moment
     that it expires. ``refused`` counts the certificates that were shown and are of no use, by
-    reason and by whose they were said to be. One thread may ``learn`` while another asks.
+    reason and by whose they were said to be. One thread at a time may ``learn``, another ask.
     """
 
     def __init__(
@@ -71,33 +71,45 @@ class KnownSigners:
         self._want(signer)
         return "forged"
 
-    def learn(self, shown_by: Identity, der: bytes) -> BadCertificate | Invalid | None:
-        """Take a certificate that is said to be of ``shown_by``; return what is wrong with it."""
-        why = self._learn(shown_by, der)
-        if why is not None and len(self.refused) < MOST_REFUSED:
-            self.refused[why, shown_by.node_id] += 1
-        return why
+    def learn(
+        self, der: bytes, shown_as: Identity | None = None
+    ) -> BadCertificate | Invalid | None:
+        """Take in a certificate; return what is wrong with it.
+
+        ``shown_as``: whose it is said to be; without, it speaks for itself.
+        """
+        try:
+            certificate = read_certificate(der, self._authority)
+        except CertificateError as error:
+            return self._refuse(error.kind, shown_as)
+        if shown_as is not None and certificate.identity != shown_as:
+            return self._refuse("renamed", shown_as)
+        why = self._invalid(certificate)
+        if why is not None:
+            return self._refuse(why, certificate.identity)
+        self._keep(certificate)
+        return None
 
     def take_wanted(self) -> list[Identity]:
         """Return whose certificates have been missed since this was last asked."""
         wanted, self._wanted = self._wanted, {}
         return list(wanted)
 
-    def _learn(self, shown_by: Identity, der: bytes) -> BadCertificate | Invalid | None:
-        try:
-            certificate = read_certificate(der, self._authority)
-        except CertificateError as error:
-            return error.kind
-        if certificate.identity != shown_by:
-            return "renamed"
-        why = self._invalid(certificate)
-        if why is not None:
-            return why
-        others = self._known.get(shown_by, ())
+    def _keep(self, certificate: NodeCertificate) -> None:
+        """Keep one certificate for each key of a node: the one that is valid for longest."""
+        others = self._known.get(certificate.identity, ())
         same = [one for one in others if one.key_hex == certificate.key_hex]
         newest = max([*same, certificate], key=lambda one: one.not_after_ns)
-        self._known[shown_by] = (newest, *(one for one in others if one not in same))
-        return None
+        apart = [one for one in others if one.key_hex != certificate.key_hex]
+        self._known[certificate.identity] = (newest, *apart)
+
+    def _refuse(
+        self, why: BadCertificate | Invalid, shown_as: Identity | None
+    ) -> BadCertificate | Invalid:
+        kind = (why, UNNAMED if shown_as is None else shown_as.node_id)
+        if len(self.refused) < MOST_REFUSED or kind in self.refused:
+            self.refused[kind] += 1
+        return why
 
     def _invalid(self, certificate: NodeCertificate) -> Invalid | None:
         now_ns = self._now_ns()

@@ -20,7 +20,7 @@ from shared.process import ExitCode
 from tests.bus.test_zenoh import free_endpoint
 from tests.waiting import DEADLINE_S
 
-FOR_TEST = ("--incident", "test")
+FOR_TEST = ("--insecure", "--incident", "test")
 
 
 def order(*arguments: str) -> int:
@@ -79,12 +79,24 @@ def test_a_click_and_a_floor_are_recorded_by_the_running_post(
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["click", "--responder", "r/1", "--north", "1", "--east", "2"], "--responder 'r/1'"),
-        (["click", "--responder", "r1", "--north", "1e9", "--east", "2"], "position.north_m"),
-        (["click", "--responder", "r1", "--north", "nan", "--east", "2"], "position.north_m"),
-        (["floor", "--height", "3"], "either --responder or --dap"),
-        (["floor", "--height", "3", "--dap", "d1", "--responder", "r1"], "either"),
-        (["floor", "--height", "3", "--dap", "d1", "--connect", "udp"], "write tcp/HOST:PORT"),
+        (
+            ["click", "--insecure", "--responder", "r/1", "--north", "1", "--east", "2"],
+            "--responder 'r/1'",
+        ),
+        (
+            ["click", "--insecure", "--responder", "r1", "--north", "1e9", "--east", "2"],
+            "position.north_m",
+        ),
+        (
+            ["click", "--insecure", "--responder", "r1", "--north", "nan", "--east", "2"],
+            "position.north_m",
+        ),
+        (["floor", "--insecure", "--height", "3"], "either --responder or --dap"),
+        (["floor", "--insecure", "--height", "3", "--dap", "d1", "--responder", "r1"], "either"),
+        (
+            ["floor", "--insecure", "--height", "3", "--dap", "d1", "--connect", "udp"],
+            "write tcp/HOST:PORT",
+        ),
     ],
 )
 def test_mistakes_are_told(arguments: list[str], complaint: str) -> None:
@@ -96,6 +108,8 @@ def test_mistakes_are_told(arguments: list[str], complaint: str) -> None:
 def test_without_a_post_there_is_nobody_to_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(orders, "FIND_POST_S", 0.1)
     with capture_logs() as logs:
-        code = order("floor", "--height", "3", "--dap", "d1", "--connect", free_endpoint())
+        code = order(
+            "floor", "--insecure", "--height", "3", "--dap", "d1", "--connect", free_endpoint()
+        )
     assert code == ExitCode.FAILURE
     assert any("no post of incident" in entry["event"] for entry in logs)

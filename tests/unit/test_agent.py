@@ -280,7 +280,15 @@ def test_whom_the_wearer_meets_is_told(agent: Agent, heard: list[Received]) -> N
 
 @pytest.mark.parametrize("text", ["north", "1", "1,2,3,4", "1,nan", "1e9,2"])
 def test_a_point_that_is_none_is_refused(text: str) -> None:
-    command = ["run", "--id", "r1", "--source", "simulated:corridor", f"--stands-at={text}"]
+    command = [
+        "run",
+        "--insecure",
+        "--id",
+        "r1",
+        "--source",
+        "simulated:corridor",
+        f"--stands-at={text}",
+    ]
     with capture_logs() as logs:
         code = app(command, exit_on_error=False, result_action="return_value")
     assert code == ExitCode.USAGE

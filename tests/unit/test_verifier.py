@@ -37,7 +37,7 @@ class Shown:
 
     def show(self, bundle: Bundle, of: str = "r1") -> str | None:
         """Show the certificate of ``bundle``; return what is wrong with it."""
-        return self.known.learn(identity(of), bundle.certificate.der)
+        return self.known.learn(bundle.certificate.der, identity(of))
 
 
 def message(signer: Bundle, key: str) -> tuple[str, bytes]:
@@ -108,7 +108,7 @@ def test_certificates_of_no_use_are_counted_and_not_learnt(shown: Shown, tmp_pat
         ("unreadable", bytes(5000)),
     ]
     for why, der in tries:
-        assert shown.known.learn(identity("r1"), der) == why
+        assert shown.known.learn(der, identity("r1")) == why
     assert shown.known.refused.total() == len(tries)
     assert shown.known.refused["renamed", "r1"] == 2
     assert shown.gate.admit(*shown.said()) == "unknown_signer"
@@ -121,8 +121,8 @@ def test_a_withdrawn_key_is_not_believed_and_its_successor_is(shown: Shown) -> N
     told = shown.keys["dap1"]
     known = KnownSigners(told.authority, lambda: shown.now_ns, told.nodes.withdrawn)
     gate = Gate(known)
-    assert known.learn(identity("r1"), lost.certificate.der) == "withdrawn"
-    assert known.learn(identity("r1"), shown.keys["r1"].certificate.der) is None
+    assert known.learn(lost.certificate.der) == "withdrawn"
+    assert known.learn(shown.keys["r1"].certificate.der) is None
     assert gate.admit(*message(lost, KEY.format("r1"))) == "forged"
     assert gate.admit(*shown.said()) is None
 
