@@ -25,8 +25,11 @@ def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
     chance = np.random.default_rng(seed)
     first = np.concatenate([[0], np.cumsum(LENGTHS)])
     from_node = [n for n in range(first[-1]) if n + 1 not in first]
-    unit = [0 if n < 5 else 1 + int(np.searchsorted(first, n, side="right") - 1) for n in from_node]
-    move_at = np.array([(n, FIRST_UNIT + 2 * u, 0) for n, u in zip(from_node, unit, strict=True)])
+    unit_of = [
+        0 if n < 5 else 1 + int(np.searchsorted(first, n, side="right") - 1)
+        for n in range(first[-1])
+    ]
+    move_at = np.array([(n, FIRST_UNIT + 2 * unit_of[n], 0) for n in from_node])
     count = len(from_node)
     move = np.column_stack([
         chance.normal(0.0, 5.0, (count, 2)), chance.uniform(3.0, 10.0, count),
@@ -34,7 +37,8 @@ def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
     ])  # fmt: skip
     tied = np.sort(chance.integers(0, first[-1], 15))
     place = FIRST_UNIT + 2 * UNITS + 2 * chance.integers(0, PLACES, 15)
-    tie_at = np.column_stack([tied, place, np.zeros(15, np.int64)])
+    scale = FIRST_UNIT + 2 * np.array(unit_of)[tied]
+    tie_at = np.column_stack([tied, place, np.zeros(15, np.int64), scale])
     tie = np.column_stack([
         chance.normal(size=(15, 2)), chance.uniform(0.3, 2.0, 15), chance.choice([0.0, 4.0], 15),
         chance.normal(size=(15, 2)),
@@ -94,6 +98,22 @@ def test_the_cost_falls_to_a_place_of_rest() -> None:
     _, made, _, _ = smooth(graph, pose, arrow, 50, 1e-6, NO_COVARIANCE)
     assert made == 1
     assert pose == pytest.approx(before, abs=1e-5)
+
+
+def test_of_what_nothing_else_tells_the_size_a_larger_map_is_as_good() -> None:
+    graph, pose, arrow = random_graph(2)
+    knowing_nothing = graph._replace(
+        fix=graph.fix[:0], fix_at=graph.fix_at[:0], unit_sd=np.full_like(graph.unit_sd, 1e9),
+        place=graph.place * [1.0, 1.0, 1e9], tie=graph.tie * [0.0, 0.0, 1.0, 1.0, 0.0, 0.0],
+    )  # fmt: skip
+    larger, places = arrow.copy(), FIRST_UNIT + 2 * UNITS
+    larger[FIRST_UNIT:places:2] = 1.2 * (1.0 + arrow[FIRST_UNIT:places:2]) - 1.0
+    larger[places:] *= 1.2
+    costs = [
+        smooth(knowing_nothing, a_pose, an_arrow, 1, 0.0, NO_COVARIANCE)[0]
+        for a_pose, an_arrow in ((pose.copy(), arrow), (pose * [1.2, 1.2, 1.0], larger))
+    ]
+    assert costs[1] == pytest.approx(costs[0], rel=1e-9)
 
 
 def test_equations_without_a_solution_cost_infinitely_much() -> None:

@@ -60,7 +60,7 @@ def alone(found: Solved, index: int, settings: TeamSettings) -> Solved:
     turns = (whole.turn_at >= first) & (whole.turn_at < end)
     move_at = whole.move_at[first - index : end - 1 - index] - np.array([first, 0, 0])
     move_at[:, 1] -= 2 * assembled.unit_first[index]
-    tie_at = whole.tie_at[ties] - np.array([first, 0, 0])
+    tie_at = whole.tie_at[ties] - np.array([first, 0, 0, 2 * assembled.unit_first[index]])
     tie_at[:, 1] = FIRST_UNIT + 2 * units + 2 * np.searchsorted(passed, (tie_at[:, 1] - base) // 2)
     ends = np.array([0, end - first])
     columns, columns_first, width = with_columns(ends, move_at, tie_at, own_arrow.size)

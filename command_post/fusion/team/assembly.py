@@ -163,8 +163,17 @@ def _build(
     move = np.concatenate([rows for rows, _ in moves])
     move_at = np.concatenate([at for _, at in moves])
     tie_at = np.array(
-        [(node_of[tie.chain][tie.stance], column[tie.place], 0) for tie in ties], np.int64
-    ).reshape(-1, 3)
+        [
+            (
+                node_of[tie.chain][tie.stance],
+                column[tie.place],
+                0,
+                FIRST_UNIT + 2 * int(unit_first[tie.chain] + chains[tie.chain].unit[tie.stance]),
+            )
+            for tie in ties
+        ],
+        np.int64,
+    ).reshape(-1, 4)
     arrow_size = FIRST_UNIT + 2 * (units + len(places))
     columns, columns_first, width = with_columns(first, move_at, tie_at, arrow_size)
     straight, straight_at = _straights(chains, nodes, belief, settings)
@@ -191,7 +200,7 @@ def _build(
     )  # fmt: skip
     seen: dict[PlaceId, int] = {}
     by: dict[PlaceId, int] = {}
-    for tie, (node, _, _) in zip(ties, tie_at.tolist(), strict=True):
+    for tie, (node, *_) in zip(ties, tie_at.tolist(), strict=True):
         seen.setdefault(tie.place, node)
         if tie.dof == 0.0:
             seen[tie.place] = node

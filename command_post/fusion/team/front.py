@@ -72,7 +72,7 @@ def _ties(solved: Solved, index: int, since_ns: int) -> dict[int, list[Tie]]:
     base = assembled.place_column(0)
     lead_s = float(solved.arrow[LEAD])
     found: dict[int, list[Tie]] = {}
-    for row, (node, column, _) in enumerate(assembled.graph.tie_at.tolist()):
+    for row, (node, column, *_) in enumerate(assembled.graph.tie_at.tolist()):
         place = (column - base) // 2
         if not first <= node < end or assembled.installed_by[place] == index:
             continue

@@ -6,6 +6,10 @@ the building's axis (rad), the lead of the radio's peaks (s), then scale error a
 (1, rad/s) of every unit, then north and east (m) of every place: DAPs, and points where two
 responders met. A normal matrix ordered so, chains first, looks like an arrow: a block-tridiagonal
 shaft, and a head as wide as the arrow.
+
+What a unit measures, its own way and where on it a DAP was passed, it measures in its own metres:
+by that much of them is it off. Were it off by so many true metres, a map drawn smaller would have
+all its ways and passes agree better, and would come out too small (errors in variables).
 """
 
 from __future__ import annotations
@@ -34,12 +38,13 @@ class Graph(NamedTuple):
     columns are touched up to and with each node. *Local* columns below count in that list.
 
     - ``move`` (m, 5): north, east (m, in the agent's frame), duration (s), standard deviations of
-      place (m) and turn (rad), from a node to the next; ``move_at`` (m, 3): that node, the
-      arrow's column of its unit's scale, and the local one. Drift is the column after.
+      place (the unit's own m) and turn (rad), from a node to the next; ``move_at`` (m, 3): that
+      node, the arrow's column of its unit's scale, and the local one. Drift is the column after.
     - ``tie`` (t, 6): north, east from the node (m, agent's frame) to where a place was reached,
-      standard deviation (m), degrees of freedom (0: Gaussian), and how fast they then went, north
-      and east (m/s, agent's frame; none where no radio told): by the lead they got further before
-      they were nearest. ``tie_at`` (t, 3): node, the place's column of the arrow, local one.
+      standard deviation (the unit's own m), degrees of freedom (0: Gaussian), and how fast they
+      then went, north and east (m/s, agent's frame; none where no radio told): by the lead they got
+      further before they were nearest. ``tie_at`` (t, 4): node, the place's column of the arrow,
+      local one, and the arrow's column of its unit's scale.
     - ``fix`` (f, 6): offset as of a tie, north and east (m, incident's frame), standard deviation
       (m), degrees of freedom; ``fix_at`` (f,): node.
     - ``turn`` (h, 2): the agent's frame's turn as it is known, and its standard deviation (rad);

@@ -41,7 +41,7 @@ def passes_of(solved: Solved) -> list[Pass]:
     graph = solved.assembled.graph
     lead_s = float(solved.arrow[LEAD])
     found = []
-    for (node, column, _), row in zip(graph.tie_at.tolist(), graph.tie.tolist(), strict=True):
+    for (node, column, *_), row in zip(graph.tie_at.tolist(), graph.tie.tolist(), strict=True):
         north_m, east_m, sd_m, dof, fast_north, fast_east = row
         chain = int(np.searchsorted(graph.first, node, side="right")) - 1
         stance = solved.assembled.nodes[chain][node - int(graph.first[chain])]

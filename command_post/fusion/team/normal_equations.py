@@ -8,12 +8,14 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from command_post.fusion.team.arithmetic import logarithm, nearest_right_angle, rotated
+from command_post.fusion.team.arithmetic import logarithm, rotated
 from command_post.fusion.team.graph import AXIS, FIRST_UNIT, LEAD, PLACE_DOF, TURN_DOF, Graph
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
+
+HALF_PI = math.pi / 2.0
 
 
 class System(NamedTuple):
@@ -87,13 +89,17 @@ def _add_moves(graph: Graph, pose: Floats, arrow: Floats, system: System) -> flo
         scale = graph.move_at[row, 1]
         north, east, duration_s, sd_m, sd_rad = graph.move[row]
         vn, ve = rotated(0.5 * (pose[a, 2] + pose[c, 2]), north, east)
-        un = (1.0 + arrow[scale]) * vn
-        ue = (1.0 + arrow[scale]) * ve
+        longer = 1.0 + arrow[scale]
+        un = longer * vn
+        ue = longer * ve
         rn = pose[c, 0] - pose[a, 0] - un
         re = pose[c, 1] - pose[a, 1] - ue
-        weight, penalty = _robust((rn * rn + re * re) / (sd_m * sd_m), PLACE_DOF, 2.0)
+        sd_m *= longer
+        squared = (rn * rn + re * re) / (sd_m * sd_m)
+        weight, penalty = _robust(squared, PLACE_DOF, 2.0)
         cost += penalty
         k = weight / (sd_m * sd_m)
+        _add_stretch(system, scale, weight * squared, longer)
         # Derivatives by either end's turn; by the ends' places they are -1 and +1.
         gn = 0.5 * ue
         ge = -0.5 * un
@@ -103,6 +109,13 @@ def _add_moves(graph: Graph, pose: Floats, arrow: Floats, system: System) -> flo
         cost += penalty
         _add_move_turn(graph, system, row, weight / (sd_rad * sd_rad), rt)
     return cost
+
+
+@compiled
+def _add_stretch(system: System, scale: int, weighed: float, longer: float) -> None:
+    """Add what a residual says of a scale by its standard deviation, which grows with it."""
+    system.arrow_right[scale] += weighed / longer
+    system.arrow[scale, scale] += weighed / (longer * longer)
 
 
 @compiled
@@ -193,9 +206,14 @@ def _add_ties(graph: Graph, pose: Floats, arrow: Floats, system: System) -> floa
         vn, ve = rotated(pose[a, 2], fast_north, fast_east)
         rn = pose[a, 0] + on - arrow[place]
         re = pose[a, 1] + oe - arrow[place + 1]
-        weight, penalty = _robust((rn * rn + re * re) / (sd_m * sd_m), dof, 2.0)
+        scale = graph.tie_at[row, 3]
+        longer = 1.0 + arrow[scale]
+        sd_m *= longer
+        squared = (rn * rn + re * re) / (sd_m * sd_m)
+        weight, penalty = _robust(squared, dof, 2.0)
         cost += penalty
         k = weight / (sd_m * sd_m)
+        _add_stretch(system, scale, weight * squared, longer)
         _add_point(system, a, k, -oe, on, rn, re)
         width = graph.width[a]
         wing = system.wing_at[a] + graph.tie_at[row, 2]
@@ -257,7 +275,7 @@ def _add_straights(graph: Graph, pose: Floats, arrow: Floats, system: System) ->
         c = a + 1
         direction_rad, sd_rad = graph.straight[row]
         off_rad = 0.5 * (pose[a, 2] + pose[c, 2]) + direction_rad - arrow[AXIS]
-        off_rad -= nearest_right_angle(off_rad)
+        off_rad -= HALF_PI * math.floor(off_rad / HALF_PI + 0.5)
         weight, penalty = _robust((off_rad / sd_rad) ** 2, 1.0, 1.0)
         cost += penalty
         k = weight / (sd_rad * sd_rad)

@@ -43,7 +43,7 @@ def _squared(tie: Floats, tie_at: Ints, rows: Ints, pose: Floats, arrow: Floats)
     off2 = np.zeros(rows.size)
     for k in range(rows.size):
         north, east, sd_m, _, fast_north, fast_east = tie[rows[k]]
-        node, place, _ = tie_at[rows[k]]
+        node, place, _, _ = tie_at[rows[k]]
         at_north, at_east = carried(
             pose[node], north + arrow[LEAD] * fast_north, east + arrow[LEAD] * fast_east
         )

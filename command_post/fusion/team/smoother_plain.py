@@ -26,11 +26,17 @@ Floats: TypeAlias = NDArray[np.float64]
 
 
 class Factor(NamedTuple):
-    """One residual (d,) in units of its standard deviation, its derivatives (d, all states)."""
+    """One residual (d,) in units of its standard deviation, its derivatives (d, all states).
+
+    ``longer`` is one more than the scale error, state ``scale``, with which the standard deviation
+    grows; what that state says of the others by it is left out.
+    """
 
     residual: Floats
     derivative: Floats
     dof: float
+    scale: int = 0
+    longer: float = math.inf
 
 
 class Smoothed(NamedTuple):
@@ -50,12 +56,14 @@ def smooth_plainly(graph: Graph, pose: Floats, arrow: Floats, iterations: int) -
         normal = np.zeros((pose.size + arrow.size,) * 2)
         right = np.zeros(pose.size + arrow.size)
         cost = 0.0
-        for residual, derivative, dof in _factors(graph, pose, arrow):
+        for residual, derivative, dof, scale, longer in _factors(graph, pose, arrow):
             squared = float(residual @ residual)
             weight = (dof + residual.size) / (dof + squared) if dof else 1.0
             cost += (dof + residual.size) * math.log1p(squared / dof) if dof else squared
             normal += weight * derivative.T @ derivative
             right -= weight * derivative.T @ residual
+            normal[scale, scale] += weight * squared / longer**2
+            right[scale] += weight * squared / longer
         change = np.linalg.solve(normal, right)
         turned = float(np.abs(change[2 : pose.size : 3]).max())
         change *= min(1.0, LARGEST_TURN_RAD / turned) if turned else 1.0
@@ -67,7 +75,7 @@ def smooth_plainly(graph: Graph, pose: Floats, arrow: Floats, iterations: int) -
 def _factors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
     states = pose.size + arrow.size
     yield from _moves(graph, pose, arrow)
-    for (a, column, _), (*at_m, sd_m, dof, fast_n, fast_e) in zip(
+    for (a, column, _, scale), (*at_m, sd_m, dof, fast_n, fast_e) in zip(
         graph.tie_at, graph.tie, strict=True
     ):
         derivative = np.zeros((2, states))
@@ -76,7 +84,9 @@ def _factors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
         derivative[:, pose.size + LEAD] = _turned(pose[a, 2], *fast_m_s)
         derivative[[0, 1], [pose.size + column, pose.size + column + 1]] = -1.0
         residual = pose[a, :2] + offset - arrow[column : column + 2]
-        yield Factor(residual / sd_m, derivative / sd_m, dof)
+        longer = 1.0 + arrow[scale]
+        sd = sd_m * longer
+        yield Factor(residual / sd, derivative / sd, dof, pose.size + scale, longer)
     for a, (north, east, *place, sd_m, dof) in zip(graph.fix_at, graph.fix, strict=True):
         derivative = np.zeros((2, states))
         offset = _point(derivative, pose, a, north, east)
@@ -110,7 +120,9 @@ def _moves(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
             derivative[:, turn] = 0.5 * moved[1], -0.5 * moved[0]
         derivative[:, pose.size + scale] = -along
         residual = pose[a + 1, :2] - pose[a, :2] - moved
-        yield Factor(residual / sd_m, derivative / sd_m, PLACE_DOF)
+        longer = 1.0 + arrow[scale]
+        sd = sd_m * longer
+        yield Factor(residual / sd, derivative / sd, PLACE_DOF, pose.size + scale, longer)
         derivative = np.zeros((1, pose.size + arrow.size))
         derivative[0, [3 * a + 2, 3 * a + 5]] = -1.0, 1.0
         derivative[0, pose.size + scale + 1] = -duration_s
