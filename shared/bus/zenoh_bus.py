@@ -27,7 +27,7 @@ from shared.bus.interface import (
     Wanted,
 )
 from shared.bus.key_expression import check_key, check_key_expression
-from shared.bus.zenoh_settings import Mode, check_endpoint, session_settings
+from shared.bus.zenoh_settings import Mode, check_dialled, check_endpoint, session_settings
 from shared.security.bundle import Bundle
 from shared.topics import Priority
 
@@ -63,7 +63,9 @@ def open_zenoh(
     Raises ``ValueError`` for an endpoint that is malformed, or that leaves this machine without a
     ``bundle``, and for a bundle that cannot listen. Raises ``OSError`` where listening fails.
     """
-    for endpoint in (*connect, *listen):
+    for endpoint in connect:
+        check_dialled(endpoint, bundle)
+    for endpoint in listen:
         check_endpoint(endpoint, bundle)
     if mode == "client" and (listen or not connect):
         raise ValueError("a client dials routers and listens to nobody: give it only 'connect'")

@@ -50,6 +50,16 @@ def check_endpoint(endpoint: str, bundle: Bundle | None) -> None:
         raise ValueError(f"endpoint {endpoint!r}: {why}; write {protocol}/HOST:PORT")
 
 
+def check_dialled(endpoint: str, bundle: Bundle | None) -> None:
+    """Raise ``ValueError`` for an endpoint that ``check_endpoint`` refuses or none can dial."""
+    check_endpoint(endpoint, bundle)
+    if bundle is not None and "[" in endpoint:
+        raise ValueError(
+            f"endpoint {endpoint!r}: Zenoh cannot dial an IPv6 address over TLS; "
+            "use an IPv4 address, or a name"
+        )
+
+
 def session_settings(
     mode: Mode, connect: Sequence[str], listen: Sequence[str], bundle: Bundle | None
 ) -> dict[str, Any]:

@@ -148,3 +148,8 @@ def test_endpoints_and_keys_go_together(
     for connect, listen in (([endpoint], []), ([], [endpoint])):
         with pytest.raises(ValueError, match=why):
             open_zenoh("router", connect, listen, bundle)
+
+
+def test_an_ipv6_address_is_not_dialled_in_vain(keys: Keys) -> None:
+    with pytest.raises(ValueError, match="cannot dial an IPv6 address"):
+        open_zenoh("client", ["tls/[::1]:7447"], bundle=keys["r1"])
