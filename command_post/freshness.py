@@ -74,13 +74,17 @@ class Freshness(NamedTuple):
     def _words(self) -> Iterator[str]:
         if self.behind:
             refills = self.alive and self.silence is None
-            yield f"{self.behind} messages behind" + (", refilling" if refills else "")
+            yield f"{_messages(self.behind)} behind" + (", refilling" if refills else "")
         if self.gone:
-            yield f"{self.gone} messages lost for good"
+            yield f"{_messages(self.gone)} lost for good"
         if self.loss is not None and self.loss > LOSS_TOLD:
             yield f"link loses {self.loss:.0%}"
         if self.useless >= FEWEST_USELESS:
             yield f"{self.useless} useless messages"
+
+
+def _messages(count: int) -> str:
+    return "1 message" if count == 1 else f"{count} messages"
 
 
 class NodeWatch:

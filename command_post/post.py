@@ -10,25 +10,27 @@ from __future__ import annotations
 import gc
 import time
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Mapping, Sequence
-from threading import Event, Lock, Thread
+from collections.abc import Callable, Sequence
+from threading import Event, Thread
 from typing import NamedTuple
 
 import structlog
 
+from command_post.figures import Figures, by_reason
 from command_post.freshness import NodeWatch
 from command_post.incident import Incident
-from command_post.patience import Patience
+from command_post.metrics import Metrics
+from command_post.reception import Reception
 from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
-from shared.bus.fair_inbox import FairInbox, sender_of
+from shared.bus.fair_inbox import FairInbox
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
 from shared.codec import Refusal, decode, parse_key
 from shared.collector import Collector
-from shared.gate import Gate, JournalRun, Missing, Turned
+from shared.gate import Gate
 from shared.mcap_reader import Recording
 from shared.messages import ExerciseStart
 from shared.security.certificates import Identity
@@ -50,14 +52,8 @@ INBOX_BYTES = 64 << 20
 MOST_AT_ONCE = 256
 """Messages that are handled before anybody else's are looked for."""
 
-MOST_TOLD = 4096
-"""What is told once of each sender, of how many."""
-
 LAST_MESSAGES_S = 0.5
 """What is still heard when the post stops is handled for so long, then it is too late."""
-
-ITS_OWN_FAULT: frozenset[Turned] = frozenset({"replayed", "too_many_runs"})
-"""Of what is turned away, what the node must have said: the rest anybody may have in its name."""
 
 MOST_ON_THE_WAY = 20_000
 MOST_WAITING = 5_000
@@ -101,11 +97,13 @@ class Post:
         gate: Gate | None = None,
         outbox: Outbox | None = None,
         meet: Callable[[Identity], object] = lambda _: None,
+        metrics: Metrics | None = None,
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
         ``gate``: what lets messages in; without one, everybody is believed. ``outbox``: what seals
-        what the post says. ``meet``: asks a node that comes who it is.
+        what the post says. ``meet``: asks a node that comes who it is. ``metrics``: who is told of
+        all that the post counts.
         """
         self._bus = bus
         self._incident = incident
@@ -119,13 +117,12 @@ class Post:
         self._follows_exercise = follows_exercise
         self._show = show
         self._gate = gate or Gate()
-        self._at_gate = Lock()
         self._outbox = outbox
         self._meet = meet
         self._inbox = FairInbox[_Heard](INBOX_MESSAGES, INBOX_BYTES)
-        self._patience = Patience(time.monotonic())
+        self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
-        self._told: set[tuple[str, str]] = set()
+        self._metrics = metrics
         self._alive: set[tuple[Role, str]] = set()
         self._joined: Inbox[Key] = Inbox(1000)
         self._seen: Inbox[tuple[str, str, bool]] = Inbox(1000)
@@ -169,7 +166,11 @@ class Post:
         self._bus.answer(time_key(settings.incident, settings.post_id), time_answerer(self._clock))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
         collector = Collector(
-            self._bus, settings.incident, self._missing, self._hear, has_room=self._has_room
+            self._bus,
+            settings.incident,
+            self._reception.missing,
+            self._hear,
+            has_room=self._has_room,
         )
         at_work = [
             Thread(target=self._greet, args=(stop,), name="greeter"),
@@ -186,7 +187,7 @@ class Post:
                 self._pass_time()
             if time.monotonic() >= next_show_s:
                 self._tell_comings()
-                self._show(self.roster(self._clock.now_ns()))
+                self._tell_figures()
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
                 gc.freeze()
@@ -204,17 +205,34 @@ class Post:
     def roster(self, now_ns: int) -> Roster:
         """Return who is where at ``now_ns`` of the post's clock."""
         alive = tuple(self._alive)
-        nodes = self._watch.fresh(now_ns, alive, self._gate, self._useless())
+        nodes = self._watch.fresh(now_ns, alive, self._gate, self._reception.useless())
         return make_roster(
             self._incident, now_ns, RosterSettings(), alive, nodes, self._gate.turned
         )
 
-    def _useless(self) -> Counter[str]:
-        """Return how much of no use each sender has sent."""
-        useless = self._patience.useless.copy()
-        for (_, sender), count in self._inbox.lost().items():
-            useless[sender] += count
-        return useless
+    def _tell_figures(self) -> None:
+        roster = self.roster(self._clock.now_ns())
+        self._show(roster)
+        if self._metrics is not None:
+            self._metrics.show(self._figures(roster))
+
+    def _figures(self, roster: Roster) -> Figures:
+        estimates = self._incident.estimates.items()
+        return Figures(
+            roster=roster,
+            heard=self._reception.heard.copy(),
+            turned_away=by_reason(self._gate.turned.items()),
+            refused=by_reason(self._incident.refusals.items()),
+            not_heard=by_reason(self._inbox.lost().items()),
+            only_counted=self._reception.only_counted.total(),
+            waiting=len(self._inbox),
+            recorder=self._recorder.status(),
+            fusion=self._incident.counts,
+            estimate_ages_s={
+                responder_id: (roster.now_ns - estimate.time_ns) / NS_PER_S
+                for responder_id, estimate in estimates
+            },
+        )
 
     def _hear(self, received: Received) -> None:
         self._inbox.put(_Heard(*received, self._own_clock.now_ns()))
@@ -246,62 +264,24 @@ class Post:
         # They were taken of each sender in turn.
         for key, payload, came_ns in sorted(messages, key=_came_ns):
             received = Received(key, payload)
-            if received in self._said or not self._lets_in(received):
+            if received in self._said or not self._reception.lets_in(received):
                 continue
             if self._follows_exercise and key not in self._own_keys:
                 self._follow(key, payload)
             refused = self._incident.refused
             now_ns = self._handled_at_ns(self._clock.paced_ns(came_ns))
             self._watch.hear(key, payload, now_ns)
+            began_s = time.perf_counter()
             self._publish(self._recorded.handle(key, payload, now_ns))
+            if self._metrics is not None:
+                self._metrics.handled(time.perf_counter() - began_s)
             if self._incident.refused > refused:
-                self._blame(received)
+                self._reception.blame(received)
         for notice in self._incident.take_notices():
             _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
 
-    def _missing(self, behind: Mapping[JournalRun, int]) -> list[Missing]:
-        """Say what is missing, to the collector's thread."""
-        with self._at_gate:
-            return self._gate.missing(behind)
-
     def _has_room(self) -> bool:
         return len(self._inbox) < MOST_WAITING
-
-    def _lets_in(self, received: Received) -> bool:
-        """Say whether a message is to be recorded and handled; where not, it is counted."""
-        key, payload = received
-        sender = sender_of(key)
-        with self._at_gate:
-            why = self._gate.admit(key, payload)
-        if why is not None:
-            if why != "repeated":
-                self._tell_once(f"turned away: {why}", sender)
-                if why in ITS_OWN_FAULT:
-                    self._blame(received)
-            return False
-        if self._patience.bears(sender, len(payload), time.monotonic()):
-            return True
-        parsed = parse_key(key)
-        useless = isinstance(parsed, Refusal) or isinstance(decode(parsed, payload), Refusal)
-        if useless:
-            self._patience.count(sender)
-            self._slow_down(sender)
-        return not useless
-
-    def _blame(self, received: Received) -> None:
-        """Hold it against its sender that a message was of no use."""
-        sender = sender_of(received.key)
-        if not self._patience.charge(sender, len(received.payload), time.monotonic()):
-            self._slow_down(sender)
-
-    def _slow_down(self, sender: str) -> None:
-        self._inbox.slow_down(sender)
-        self._tell_once("floods the post with what is of no use: most is only counted", sender)
-
-    def _tell_once(self, what: str, sender: str) -> None:
-        if (what, sender) not in self._told and len(self._told) < MOST_TOLD:
-            self._told.add((what, sender))
-            _log.warning(what, sender=sender)
 
     def _publish(self, outgoing: Sequence[Outgoing]) -> None:
         for message in outgoing:
@@ -313,6 +293,8 @@ class Post:
             if len(self._said) > MOST_ON_THE_WAY:
                 self._said.popitem(last=False)
             self._bus.publish(key, payload, topic.priority)
+            if self._metrics is not None:
+                self._metrics.published(key, payload, self._clock.now_ns())
 
     def _follow(self, key: str, payload: bytes) -> None:
         """Set the clock by an ``ExerciseStart``."""
@@ -367,7 +349,7 @@ class Post:
             _log.warning("refused in all", reason=reason, node_id=node_id, count=count)
         for what, count in sorted(self._incident.counts.items()):
             _log.info("fusion", what=what, count=count)
-        for sender, count in sorted(self._patience.only_counted.items()):
+        for sender, count in sorted(self._reception.only_counted.items()):
             _log.warning("of no use, and not recorded", sender=sender, count=count)
         for (why, sender), count in sorted(self._inbox.lost().items()):
             _log.error("the post did not hear all", why=why, sender=sender, count=count)

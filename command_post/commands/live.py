@@ -23,6 +23,7 @@ from command_post.evaluation.score_card import score
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
+from command_post.metrics_server import metrics_address, told
 from command_post.plan_file import with_plan
 from command_post.post import Post
 from command_post.recording import Recorder
@@ -67,6 +68,7 @@ def run(
     hold_s: Annotated[float | None, Parameter(name="--hold")] = None,
     plan: Path | None = None,
     table: bool = False,
+    metrics: str | None = None,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -100,6 +102,8 @@ def run(
         The building's walls, in GeoJSON: tracks are held to the way they run where people go so.
     table
         Show the roster on standard output.
+    metrics
+        HOST:PORT where the post tells how it fares: /metrics for Prometheus, /roster as JSON.
     await_start
         Take the time from the exercise's start, once it is given.
     with_parent
@@ -114,6 +118,7 @@ def run(
             fusion=with_plan(checked(FusionSettings(seed=seed, particles=particles)), plan),
         )
         bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
+        address = None if metrics is None else metrics_address(metrics, bundle)
         make_ready(settings.fusion)
         listened = [listen or local_endpoint(bundle)]
         with (
@@ -128,12 +133,13 @@ def run(
                 file_held_alone(record),
                 Recorder(record, metadata, resume=True) as recorder,
                 _shown(table) as show,
+                told(address, bundle) as figures,
             ):
                 post = Post(
                     bus, Incident(settings), recorder, SystemClock(),
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
-                    meet=introductions.meet,
+                    meet=introductions.meet, metrics=figures,
                 )  # fmt: skip
                 if recorder.unfinished is not None:
                     post.take_up(read_recording(recorder.unfinished))
