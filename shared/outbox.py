@@ -20,7 +20,7 @@ from shared.seal import sealed, signed
 from shared.sender import Sign, Unkept
 from shared.topics import Topic
 
-PATIENCE_S = 0.5
+PATIENCE_S = 2.0
 """How long a message waits to be written before it is said all the same."""
 
 TRY_AGAIN_S = 5.0

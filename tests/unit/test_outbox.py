@@ -117,6 +117,7 @@ def test_while_the_disk_fails_it_is_said_and_kept_in_memory(
 def test_a_disk_that_does_not_answer_holds_nobody_up_twice(
     outbox: JournalledOutbox, disk: Disk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("shared.outbox.PATIENCE_S", 0.1)
     on_disk, answers = say(outbox, 0), threading.Event()
     append = Journal.append
 
@@ -131,6 +132,7 @@ def test_a_disk_that_does_not_answer_holds_nobody_up_twice(
     assert outbox.fault is not None
     assert "does not answer" in outbox.fault
     answers.set()
+    monkeypatch.setattr("shared.outbox.PATIENCE_S", 20.0)
     disk.now_s += TRY_AGAIN_S
     written = outbox._written
     assert written is not None

@@ -1,0 +1,157 @@
+"""Links that break, stall, are slow and narrow: no stride is lost, and none comes twice."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from shared.bus.zenoh_bus import ZenohBus, open_zenoh
+from shared.outbox import JournalledOutbox
+from tests.bus.relay import Channel, Relay
+from tests.bus.test_zenoh import port_of
+from tests.faults.hearing import Hearing
+from tests.faults.talker import Talker
+from tests.waiting import wait_for
+
+FIRE = "fire"
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy machine's disk may take long: that is another test's matter."""
+    monkeypatch.setattr("shared.outbox.PATIENCE_S", 60.0)
+
+
+@pytest.fixture
+def opened() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+class Site:
+    """A post that hears, and agents that talk to it through relays."""
+
+    def __init__(self, opened: ExitStack, folder: Path) -> None:
+        self._opened = opened
+        self._folder = folder
+        self.router = opened.enter_context(open_zenoh("router", listen=["tcp/127.0.0.1:0"]))
+        self.port = port_of(self.router.locators()[0])
+        self.hearing = opened.enter_context(Hearing(self.router, FIRE))
+        self.journals: dict[str, Path] = {}
+        self._agents = ExitStack()
+        opened.push(self._agents)
+
+    def relay(self, delay_s: float = 0.0, channel: Channel | None = None) -> Relay:
+        """Return a link to the post that takes so long each way."""
+        return self._opened.enter_context(Relay(self.port, delay_s, delay_s, channel))
+
+    @contextmanager
+    def talking(self, node_id: str, port: int, strides_per_s: float) -> Iterator[None]:
+        """Let an agent talk for as long as the block lasts."""
+        self.journals[node_id] = path = self._folder / node_id
+        stop = threading.Event()
+        with (
+            JournalledOutbox(path) as outbox,
+            ZenohBus("client", [f"tcp/127.0.0.1:{port}"], []) as bus,
+        ):
+            talker = Talker(bus, FIRE, node_id, outbox)
+            thread = threading.Thread(target=talker.talk, args=(strides_per_s, stop))
+            with talker.heartbeat:
+                thread.start()
+                try:
+                    yield
+                finally:
+                    stop.set()
+                    thread.join()
+                said = outbox.holdings()[0].last_number
+                wait_for(lambda: self.hearing.count(node_id) == said, f"all of {node_id}", 60.0)
+
+    def has_heard(self, *node_ids: str, more: int = 5) -> None:
+        """Wait until something more has come live of each."""
+        before = {node_id: self.hearing.count(node_id) for node_id in node_ids}
+        wait_for(
+            lambda: all(self.hearing.count(each) >= before[each] + more for each in node_ids),
+            "more strides",
+        )
+
+
+@pytest.fixture
+def site(opened: ExitStack, tmp_path: Path) -> Site:
+    return Site(opened, tmp_path)
+
+
+def passed(seconds: float) -> None:
+    """Let a fault last: what it does shows in time only."""
+    threading.Event().wait(seconds)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.05])
+def test_a_link_that_is_cut(site: Site, delay_s: float) -> None:
+    relay = site.relay(delay_s)
+    with site.talking("r1", relay.port, 50.0):
+        site.has_heard("r1")
+        relay.cut()
+        passed(2.0)
+        relay.mend()
+        site.has_heard("r1", more=100)
+    assert site.hearing.assert_has_all_of(site.journals) > 100
+    assert site.hearing.collector.counts["refilled"] > 50
+
+
+def test_a_link_that_falls_silent(site: Site) -> None:
+    relay = site.relay()
+    with site.talking("r1", relay.port, 50.0):
+        site.has_heard("r1")
+        relay.stall()
+        passed(3.0)
+        relay.resume()
+        site.has_heard("r1", more=100)
+    assert site.hearing.assert_has_all_of(site.journals) > 100
+
+
+@pytest.mark.parametrize("delay_s", [0.05, 0.2])
+def test_a_link_that_flaps(site: Site, delay_s: float) -> None:
+    relay = site.relay(delay_s)
+    with site.talking("r1", relay.port, 50.0):
+        site.has_heard("r1")
+        for _ in range(4):
+            relay.cut()
+            passed(0.5)
+            relay.mend()
+            passed(1.0)
+        site.has_heard("r1", more=100)
+    assert site.hearing.assert_has_all_of(site.journals) > 100
+
+
+def test_what_is_said_before_there_is_a_post_arrives(opened: ExitStack, tmp_path: Path) -> None:
+    site = Site(opened, tmp_path)
+    relay = site.relay(0.03)
+    relay.cut()
+    with site.talking("r1", relay.port, 50.0):
+        passed(1.0)
+        relay.mend()
+        site.has_heard("r1", more=60)
+    assert site.hearing.assert_has_all_of(site.journals) >= 60
+
+
+def test_eight_share_a_narrow_link(site: Site, opened: ExitStack) -> None:
+    relay = site.relay(0.02, Channel(bit_per_s=512_000))
+    names = [f"r{number}" for number in range(8)]
+    with ExitStack() as talking:
+        for name in names:
+            talking.enter_context(site.talking(name, relay.port, 2.0))
+        site.has_heard(*names)
+        relay.cut()
+        passed(5.0)
+        relay.mend()
+        site.has_heard(*names, more=20)
+    print(
+        len(live_s),
+        [round(x, 3) for x in live_s[:: len(live_s) // 10]],
+        site.hearing.collector.counts,
+    )
+    assert site.hearing.assert_has_all_of(site.journals) > 8 * 15
