@@ -97,8 +97,15 @@ class DemoSettings(NamedTuple):
         """Where the demo's own authority is, and each node's keys."""
         return self.directory / "keys"
 
+    @property
+    def journals(self) -> Path:
+        """Where each node keeps what it has said."""
+        return self.directory / "journals"
+
     def clear(self) -> None:
         """Remove what an earlier run of the scenario left in the folder."""
+        for journal in self.journals.glob("*.journal*"):
+            journal.unlink()
         if (self.keys / AUTHORITY_ID).is_dir():
             shutil.rmtree(self.keys)
         unfinished = self.recording.with_name(f"{self.recording.name}.part")
@@ -179,6 +186,9 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
     def named(node_id: str) -> tuple[str, ...]:
         return ("--id", node_id, "--keys", str(settings.keys / node_id), *common)
 
+    def kept(node_id: str) -> tuple[str, ...]:
+        return (*named(node_id), "--journal", str(settings.journals / f"{node_id}.journal"))
+
     simulated = f"simulated:{settings.scenario_name}"
     seed = ("--seed", str(settings.seed))
     table = ("--table",) if settings.shows_table else ()
@@ -193,7 +203,7 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
         children.start(
             dap_id,
             "dap_node",
-            ("run", *named(dap_id), "--scan", simulated, *seed,
+            ("run", *kept(dap_id), "--scan", simulated, *seed,
              "--listen", locators[dap_id], "--connect", locators[POST_ID]),
         )  # fmt: skip
     method = () if settings.method is None else ("--method", settings.method)
@@ -202,7 +212,7 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
         children.start(
             responder_id,
             "edge_agent",
-            ("run", *named(responder_id), "--source", simulated, *seed, *method, *dials),
+            ("run", *kept(responder_id), "--source", simulated, *seed, *method, *dials),
         )
     return locators
 

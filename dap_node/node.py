@@ -74,13 +74,23 @@ class DapNode:
         self._truth_due_ns = 0
         self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
         bus.subscribe(str(Key(incident, "post", "*", "dap_place")), self._inbox.put)
-        bus.answer(self._sender.key(DapInstallation), lambda _: self._place_payload)
+        self._installation_key = Key(incident, "dap", dap_id, "installation")
+        bus.answer(str(self._installation_key), lambda _: self._place_payload)
         bus.declare_alive(alive_key(incident, "dap", dap_id))
 
     @property
     def stage(self) -> Stage:
         """How much is known of where the DAP stands."""
         return self._standing.stage
+
+    def go_on(self, said: bytes) -> None:
+        """Take up the installation that was ``said`` before this process was broken off."""
+        message = decode(self._installation_key, said)
+        if isinstance(message, DapInstallation):
+            place = Installation(message.event_time_ns, message.installer_id, message.position)
+            self._standing.set_down(place)
+            self._place_payload = said
+            _log.info("stands still", installer_id=message.installer_id, stage=self.stage)
 
     def take(self, observation: Observation) -> None:
         """Take in what the scanner reports next, after what posts have told meanwhile."""

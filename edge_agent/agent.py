@@ -81,6 +81,14 @@ class Agent:
             return "the boot was never still: let the wearer stand for some seconds at first"
         return "no stride was found: the wearer stood, or the sensor is not on a boot"
 
+    def forget_place(self) -> None:
+        """Note that the wearer may have gone on from where they stood: the post is to know.
+
+        To be called before the first reading.
+        """
+        self._start = None
+        self._whereabouts = Whereabouts(self._sender)
+
     def take(self, reading: Reading) -> None:
         """Take in a sample, whose time is on the clock the incident goes by, or the truth."""
         if isinstance(reading, TruePlace):

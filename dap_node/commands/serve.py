@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from threading import Event
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import structlog
 from cyclopts import Parameter, validators
@@ -13,18 +13,22 @@ from rich.console import Console
 from rich.progress import track
 
 from dap_node.node import DapNode
-from dap_node.scanners.observation import Observation
+from dap_node.scanners.observation import Observation, SetDown
 from dap_node.scanners.simulated import SimulatedScanner
 from dap_node.settings import DapSettings
 from shared.bus.interface import Bus
 from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import Clock, ManualClock, ScaledClock, SystemClock
+from shared.clock import Clock, ManualClock, PacedClock, SystemClock
 from shared.config import load_toml
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
-from shared.gate import Gate
+from shared.files import FileHeldError
+from shared.gate import Gate, Verifier
+from shared.heartbeat import Heartbeat
 from shared.introductions import Introductions
-from shared.messages import NodeId
+from shared.journal_place import JournalFile, journal_path
+from shared.messages import NodeId, TimeNs
+from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
     configure_logging,
@@ -35,9 +39,8 @@ from shared.process import (
 )
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
-from shared.sender import Unkept
 from shared.simulation.scenario import Scenario, load_scenario
-from shared.topics import alive_key, check_id
+from shared.topics import Key, alive_key, check_id
 
 SIMULATED = "simulated:"
 POLL_S = 0.1
@@ -57,6 +60,7 @@ def run(
     config: Path | None = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
+    journal: JournalFile = None,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -89,6 +93,9 @@ def run(
         Of a simulated scan.
     speed
         How many times as fast as real, of a simulated scan.
+    journal
+        File that keeps what is said until the post has it; by default one of this DAP's in the
+        incident, among what programs keep for the user.
     await_start
         Begin with the exercise, at its speed.
     with_parent
@@ -102,46 +109,88 @@ def run(
         settings = load_toml(config, DapSettings) if config else DapSettings()
         scanner = open_scanner(scan, dap_id, seed)
         dialled = connect or (local_endpoint(bundle),)
-        bus = open_zenoh("router", dialled, [listen or local_endpoint(bundle, port=0)], bundle)
-    except (ValueError, OSError) as error:
+        listened = [listen or local_endpoint(bundle, port=0)]
+        kept = journal_path(journal, incident, "dap", dap_id)
+        with (
+            stop_on_signals() as stop,
+            JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
+            open_zenoh("router", dialled, listened, bundle) as bus,
+            Introductions(bus, incident, bundle) as introductions,
+        ):
+            if with_parent:
+                stop_with_parent(stop)
+            at_work = _AtWork(
+                bus, incident, dap_id, outbox, introductions.signers, PacedClock(SystemClock()),
+                SystemClock().now_ns(), stop,
+            )  # fmt: skip
+            with at_work.heartbeat():
+                _serve(at_work, settings, scanner, None if await_start else speed)
+    except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE if isinstance(error, OSError) else ExitCode.USAGE
-    with (
-        bus,
-        Introductions(bus, incident, bundle) as introductions,
-        stop_on_signals() as stop,
-    ):
-        if with_parent:
-            stop_with_parent(stop)
-        gate = Gate(introductions.signers)
-        outbox = Unkept(None if bundle is None else bundle.sign)
-        node = DapNode(bus, incident, dap_id, settings, outbox=outbox, gate=gate)
-        _serve(bus, incident, node, scanner, gate, stop, None if await_start else speed)
     return ExitCode.OK
 
 
+class _AtWork(NamedTuple):
+    """A DAP among others, until ``stop`` is set."""
+
+    bus: Bus
+    incident: NodeId
+    dap_id: NodeId
+    outbox: JournalledOutbox
+    verifier: Verifier | None
+    clock: PacedClock
+    came_ns: TimeNs
+    """Since when the DAP is there, by its own clock."""
+
+    stop: Event
+
+    def heartbeat(self) -> Heartbeat:
+        """Return the DAP's, which answers for its journal."""
+        return Heartbeat(
+            self.bus, self.incident, "dap", self.dap_id, self.outbox,
+            verifier=self.verifier, now_ns=self.clock.now_ns,
+        )  # fmt: skip
+
+
 def _serve(
-    bus: Bus,
-    incident: NodeId,
-    node: DapNode,
-    scanner: SimulatedScanner,
-    gate: Gate,
-    stop: Event,
-    speed: float | None,
+    at_work: _AtWork, settings: DapSettings, scanner: SimulatedScanner, speed: float | None
 ) -> None:
     """Follow the scanner from now on at ``speed``; without, from the exercise's start at its own.
 
-    Then stay for those who may need a relay.
+    Then stay for those who may need a relay. Who comes to an exercise late follows it from then on.
     """
+    bus, incident, dap_id, outbox, verifier, clock, came_ns, stop = at_work
+    gate = Gate(verifier)
+    node = DapNode(bus, incident, dap_id, settings, outbox=outbox, gate=gate)
+    said = outbox.newest(str(Key(incident, "dap", dap_id, "installation")))
+    if outbox.broken_off and said is not None:
+        node.go_on(said)
     company = Company(bus, incident)
-    start_ns = SystemClock().now_ns()
+    start_ns = clock.now_ns()
     if speed is None:
         exercise = await_exercise(bus, incident, gate, stop)
         if exercise is None:
             return
         start_ns, speed = exercise.event_time_ns, exercise.speed
-    follow(node, scanner.observations(start_ns), ScaledClock(start_ns, speed), stop)
+    clock.run_from(start_ns, speed)
+    observations = scanner.observations(start_ns)
+    if start_ns < came_ns:
+        observations = from_then_on(
+            observations, clock.now_ns(), is_set_down=node.stage != "carried"
+        )
+    follow(node, observations, clock, stop)
     company.wait_until_gone(stop)
+
+
+def from_then_on(
+    observations: Iterable[Observation], now_ns: int, *, is_set_down: bool
+) -> Iterator[Observation]:
+    """Leave out what was before ``now_ns``, save that the DAP was set down if it does not know."""
+    for observation in observations:
+        known = is_set_down or not isinstance(observation, SetDown)
+        if observation.time_ns >= now_ns or not known:
+            yield observation
 
 
 def rehearse(

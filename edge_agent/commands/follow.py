@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
+from itertools import dropwhile
 from threading import Event
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import structlog
 from cyclopts import Parameter, validators
@@ -18,12 +19,16 @@ from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh
-from shared.clock import Clock, ScaledClock, SystemClock
+from shared.clock import Clock, PacedClock, SystemClock
 from shared.config import ConfigError, checked
 from shared.exercise import await_exercise
-from shared.gate import Gate
+from shared.files import FileHeldError
+from shared.gate import Gate, Verifier
+from shared.heartbeat import Heartbeat
 from shared.introductions import Introductions
-from shared.messages import LocalPosition, TrackStart
+from shared.journal_place import JournalFile, journal_path
+from shared.messages import LocalPosition, NodeId, TimeNs, TrackStart
+from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
     stop_on_signals,
@@ -32,10 +37,13 @@ from shared.process import (
 )
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
-from shared.sender import Sender, Unkept
+from shared.sender import Sender
 from shared.topics import alive_key, check_id, finished_key
 
-LINK_POLL_S = 0.05
+LINGER_POLL_S = 0.2
+MOST_LINGER_S = 10.0
+"""A post that is there and has not said in so long that all is safe will not say so."""
+
 WAIT_AHEAD_NS = 10_000_000
 """Samples this close together are taken without a wait between them."""
 TICK_NS = 500_000_000
@@ -60,6 +68,7 @@ def run(
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     imu: bool = True,
+    journal: JournalFile = None,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -100,6 +109,9 @@ def run(
         Hold the heading to where the building's corridors lead, which is learnt on the way.
     imu
         Publish the raw samples as well, for the record.
+    journal
+        File that keeps what is said until the post has it; by default one of this responder's in
+        the incident, among what programs keep for the user.
     await_start
         Begin with the exercise, at its speed, and stay until stopped.
     with_parent
@@ -115,53 +127,100 @@ def run(
         opened = open_source(source, responder_id, seed)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         dialled = connect or (local_endpoint(bundle),)
+        kept = journal_path(journal, incident, "responder", responder_id)
         with (
             stop_on_signals() as stop,
+            JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
             open_zenoh("client", connect=dialled, bundle=bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,
         ):
             if with_parent:
                 stop_with_parent(stop)
-            outbox = Unkept(None if bundle is None else bundle.sign)
             sender = Sender(bus, incident, "responder", responder_id, outbox)
             place = _place(start) or opened.start
             agent = Agent(sender, mount, method, place, sends_imu=imu, stands_at=known_point)
+            if outbox.broken_off and outbox.newest(sender.key(TrackStart)) is not None:
+                _log.warning("goes on where it was broken off: the post knows where they stand")
+                agent.forget_place()
             bus.answer(sender.key(TrackStart), lambda _: agent.start_payload)
-            bus.declare_alive(alive_key(incident, "responder", responder_id))
-            _await_link(bus, stop)
-            if await_start:
-                gate = Gate(introductions.signers)
-                _take_part(agent, opened, bus, incident, responder_id, gate, stop)
-            else:
-                begin_ns = SystemClock().now_ns()
-                _follow(agent, opened.beginning_at(begin_ns), ScaledClock(begin_ns, speed), stop)
+            unit = _Unit(
+                agent, bus, incident, responder_id, outbox, introductions.signers,
+                PacedClock(SystemClock()), SystemClock().now_ns(), stop,
+            )  # fmt: skip
+            with unit.heartbeat():
+                bus.declare_alive(alive_key(incident, "responder", responder_id))
+                if await_start:
+                    _take_part(unit, opened)
+                else:
+                    _play(unit, opened, speed)
             tell_losses(agent, mount.faults, bus.unsent)
-    except (SourceError, ConfigError, ValueError) as error:
+    except (SourceError, ConfigError, ValueError, FileHeldError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
 
 
-def _take_part(
-    agent: Agent,
-    source: Source,
-    bus: ZenohBus,
-    incident: str,
-    responder_id: str,
-    gate: Gate,
-    stop: Event,
-) -> None:
+class _Unit(NamedTuple):
+    """A responder's unit among others, until ``stop`` is set."""
+
+    agent: Agent
+    bus: ZenohBus
+    incident: NodeId
+    responder_id: NodeId
+    outbox: JournalledOutbox
+    verifier: Verifier | None
+    clock: PacedClock
+    came_ns: TimeNs
+    """Since when the unit is there, by its own clock."""
+
+    stop: Event
+
+    def heartbeat(self) -> Heartbeat:
+        """Return the unit's, which answers for its journal."""
+        return Heartbeat(
+            self.bus, self.incident, "responder", self.responder_id, self.outbox,
+            verifier=self.verifier, now_ns=self.clock.now_ns,
+        )  # fmt: skip
+
+    def wait_until_safe(self) -> None:
+        """Wait until a post has all that the journal holds safe; not for one that never says so."""
+        waited_s = 0.0
+        while waited_s < MOST_LINGER_S and not self.stop.wait(LINGER_POLL_S):
+            if all(each.acknowledged == each.last_number for each in self.outbox.holdings()):
+                return
+            waited_s = waited_s + LINGER_POLL_S if self.bus.connected() else 0.0
+        _log.warning(
+            "what no post has yet is in the journal: a later start with it brings it there"
+        )
+
+
+def _play(unit: _Unit, source: Source, speed: float) -> None:
+    """Follow ``source`` from now on, link or no link."""
+    begin_ns = unit.clock.now_ns()
+    unit.clock.run_from(begin_ns, speed)
+    if _follow(unit.agent, source.beginning_at(begin_ns), unit.clock, unit.stop):
+        unit.wait_until_safe()
+
+
+def _take_part(unit: _Unit, source: Source) -> None:
     """Follow ``source`` from the start of the exercise, at its speed.
 
-    The wearer then stays where they are, until the exercise is over for everybody.
+    Who comes later follows it from then on: what a sensor read before is gone. The wearer then
+    stays where they are, until the exercise is over for everybody.
     """
-    exercise = await_exercise(bus, incident, gate, stop)
+    exercise = await_exercise(unit.bus, unit.incident, Gate(unit.verifier), unit.stop)
     if exercise is None:
         return
     begin_ns = exercise.event_time_ns
-    _follow(agent, source.beginning_at(begin_ns), ScaledClock(begin_ns, exercise.speed), stop)
-    bus.declare_alive(finished_key(incident, responder_id))
-    stop.wait()
+    unit.clock.run_from(begin_ns, exercise.speed)
+    readings = source.beginning_at(begin_ns)
+    if begin_ns < unit.came_ns:
+        now_ns = unit.clock.now_ns()
+        readings = dropwhile(lambda reading: reading.time_ns < now_ns, readings)
+        unit.agent.forget_place()
+    _follow(unit.agent, readings, unit.clock, unit.stop)
+    unit.bus.declare_alive(finished_key(unit.incident, unit.responder_id))
+    unit.stop.wait()
 
 
 def tell_losses(agent: Agent, faults: Faults, unsent: int) -> None:
@@ -172,29 +231,27 @@ def tell_losses(agent: Agent, faults: Faults, unsent: int) -> None:
     if agent.why_no_movement is not None:
         _log.warning("no movement was told", why=agent.why_no_movement)
     if unsent:
-        _log.warning("messages were lost: there was no link", count=unsent)
+        _log.info("not heard live: there was no link", count=unsent)
 
 
-def _await_link(bus: ZenohBus, stop: Event) -> None:
-    """Wait for the first link: a recording that is played to nobody is lost."""
-    while not bus.connected() and not stop.wait(LINK_POLL_S):
-        pass
+def _follow(agent: Agent, readings: Iterator[Reading], clock: Clock, stop: Event) -> bool:
+    """Hand ``readings`` to the agent as the clock comes to their times.
 
-
-def _follow(agent: Agent, readings: Iterator[Reading], clock: Clock, stop: Event) -> None:
-    """Hand ``readings`` to the agent as the clock comes to their times, until ``stop`` is set."""
+    Returns whether that was all of them, or ``stop`` was set before.
+    """
     waited_ns = 0
     for reading in readings:
         if reading.time_ns >= waited_ns:
             while reading.time_ns - clock.now_ns() > TICK_NS:
                 if not wait_until(clock, clock.now_ns() + TICK_NS, stop):
-                    return
+                    return False
                 agent.pass_time(clock.now_ns())
             if not wait_until(clock, reading.time_ns, stop):
-                return
+                return False
             waited_ns = reading.time_ns + WAIT_AHEAD_NS
         agent.take(reading)
     agent.finish()
+    return True
 
 
 def _place(start: tuple[float, float, float] | None) -> LocalPosition | None:

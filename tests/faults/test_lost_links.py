@@ -149,9 +149,4 @@ def test_eight_share_a_narrow_link(site: Site, opened: ExitStack) -> None:
         passed(5.0)
         relay.mend()
         site.has_heard(*names, more=20)
-    print(
-        len(live_s),
-        [round(x, 3) for x in live_s[:: len(live_s) // 10]],
-        site.hearing.collector.counts,
-    )
     assert site.hearing.assert_has_all_of(site.journals) > 8 * 15
