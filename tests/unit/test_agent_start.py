@@ -46,7 +46,7 @@ def test_a_source_is_opened_when_the_method_is_ready(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(follow, "prepared_mount", ready)
     monkeypatch.setattr(follow, "open_source", opened)
-    assert follow.run(responder_id="r1", source="csv:walk.csv") == ExitCode.USAGE
+    assert follow.run(responder_id="r1", source="csv:walk.csv", insecure=True) == ExitCode.USAGE
     assert done == ["eskf", "csv:walk.csv"]
 
 
