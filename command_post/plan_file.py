@@ -98,6 +98,19 @@ def with_plan(settings: FusionSettings, path: Path | None) -> FusionSettings:
     return msgspec.structs.replace(settings, team=team)
 
 
+def with_usable_plan(
+    settings: FusionSettings, path: Path | None
+) -> tuple[FusionSettings, str | None]:
+    """Return settings as ``with_plan``, or as they are and why the plan is refused.
+
+    For a post: that it hears an incident must not hang on a drawing.
+    """
+    try:
+        return with_plan(settings, path), None
+    except ConfigError as error:
+        return settings, f"going on without a plan: {error}"
+
+
 def parse_walls(content: bytes, origin: str) -> tuple[Wall, ...]:
     """Return the walls in a GeoJSON text; errors are as in ``load_walls`` and name ``origin``."""
     try:

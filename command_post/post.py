@@ -98,12 +98,13 @@ class Post:
         outbox: Outbox | None = None,
         meet: Callable[[Identity], object] = lambda _: None,
         metrics: Metrics | None = None,
+        remarks: Sequence[str] = (),
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
         ``gate``: what lets messages in; without one, everybody is believed. ``outbox``: what seals
         what the post says. ``meet``: asks a node that comes who it is. ``metrics``: who is told of
-        all that the post counts.
+        all that the post counts. ``remarks``: what the roster is to say of how it was begun.
         """
         self._bus = bus
         self._incident = incident
@@ -116,6 +117,7 @@ class Post:
 
         self._follows_exercise = follows_exercise
         self._show = show
+        self._remarks = tuple(remarks)
         self._gate = gate or Gate()
         self._outbox = outbox
         self._meet = meet
@@ -206,9 +208,11 @@ class Post:
         """Return who is where at ``now_ns`` of the post's clock."""
         alive = tuple(self._alive)
         nodes = self._watch.fresh(now_ns, alive, self._gate, self._reception.useless())
-        return make_roster(
+        roster = make_roster(
             self._incident, now_ns, RosterSettings(), alive, nodes, self._gate.turned
         )
+        fault = self._recorder.status().fault
+        return roster._replace(remarks=(*self._remarks, *(() if fault is None else (fault,))))
 
     def _tell_figures(self) -> None:
         roster = self.roster(self._clock.now_ns())

@@ -8,10 +8,10 @@ the same of it.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from command_post.recording import Incident
+from command_post.recording import Incident, Outgoing
 from shared.codec import Refusal, decode, parse_key
 from shared.mcap_reader import Recording
 from shared.messages import DapEstimate
@@ -48,8 +48,14 @@ def resume(
     made: deque[Made] = deque()
     places: dict[str, Made] = {}
     handled = differing = 0
+
+    def make(time_ns: int, outgoing: Iterable[Outgoing]) -> None:
+        made.extend(Made(time_ns, each.key, each.payload) for each in outgoing)
+
     for log_time_ns, _, key, payload, outgoing in recording:
         if outgoing:
+            # It may have been made while nothing was heard.
+            make(log_time_ns, incident.pass_time(log_time_ns))
             if made and made[0][1:] == (key, payload):
                 made.popleft()
             else:
@@ -62,10 +68,7 @@ def resume(
         made.clear()
         handled += 1
         recall(key, payload)
-        made.extend(
-            Made(log_time_ns, each.key, each.payload)
-            for each in incident.handle(key, payload, log_time_ns)
-        )
+        make(log_time_ns, incident.handle(key, payload, log_time_ns))
     return Resumed(handled, list(made), differing, list(places.values()))
 
 

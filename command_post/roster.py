@@ -101,13 +101,15 @@ class DapRow(NamedTuple):
 class Roster(NamedTuple):
     """Everybody and every DAP at ``now_ns``: those with an alarm first, then by their ids.
 
-    ``nodes`` tells of all nodes how fresh what is known of them is, others than these as well.
+    ``nodes`` tells of all nodes how fresh what is known of them is, others than these as well;
+    ``remarks`` in words what is wrong with the post itself.
     """
 
     now_ns: int
     responders: tuple[ResponderRow, ...]
     daps: tuple[DapRow, ...]
     nodes: tuple[Freshness, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def make_roster(

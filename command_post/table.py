@@ -27,7 +27,7 @@ _ALARMS: dict[AlarmPhase, tuple[str, str]] = {
 
 
 def roster_table(roster: Roster) -> Table:
-    """Return the roster: responders, then DAPs, then other nodes of which there is a word."""
+    """Return the roster: responders, DAPs, other nodes of which there is a word, and remarks."""
     others = {(node.role, node.node_id): node for node in roster.nodes}
     table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("", min_width=5, no_wrap=True)
@@ -47,6 +47,9 @@ def roster_table(roster: Roster) -> Table:
         if node.words:
             words = Text("; ".join(node.words), "yellow")
             table.add_row(node.node_id, "", "", "", "", _age(node.heard_age_s), words)
+    if roster.remarks:
+        table.caption = Text("\n".join(roster.remarks), "bold yellow")
+        table.caption_justify = "left"
     return table
 
 

@@ -24,7 +24,7 @@ from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
 from command_post.metrics_server import metrics_address, told
-from command_post.plan_file import with_plan
+from command_post.plan_file import with_usable_plan
 from command_post.post import Post
 from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
@@ -100,6 +100,7 @@ def run(
         Seconds that events wait for earlier ones before they are fused; 0.1 if not given.
     plan
         The building's walls, in GeoJSON: tracks are held to the way they run where people go so.
+        One that cannot be used is named, also in the roster, and gone on without.
     table
         Show the roster on standard output.
     metrics
@@ -111,11 +112,16 @@ def run(
 
     """
     try:
+        fusion, refused = with_usable_plan(
+            checked(FusionSettings(seed=seed, particles=particles)), plan
+        )
+        if refused is not None:
+            _log.error(refused)
         settings = IncidentSettings(
             incident=check_id(incident, "--incident"),
             post_id=check_id(post_id, "--id"),
             time_line=checked(TimeLineSettings(hold_s=hold_s)),
-            fusion=with_plan(checked(FusionSettings(seed=seed, particles=particles)), plan),
+            fusion=fusion,
         )
         bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
         address = None if metrics is None else metrics_address(metrics, bundle)
@@ -140,6 +146,7 @@ def run(
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=introductions.meet, metrics=figures,
+                    remarks=() if refused is None else (refused,),
                 )  # fmt: skip
                 if recorder.unfinished is not None:
                     post.take_up(read_recording(recorder.unfinished))

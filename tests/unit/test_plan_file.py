@@ -16,7 +16,13 @@ from hypothesis import strategies as st
 from command_post.commands.offline import plan as export_plan
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.walls import Wall, axis_of
-from command_post.plan_file import geojson_of, load_walls, parse_walls, with_plan
+from command_post.plan_file import (
+    geojson_of,
+    load_walls,
+    parse_walls,
+    with_plan,
+    with_usable_plan,
+)
 from shared.config import ConfigError
 
 metres = st.floats(-1000.0, 1000.0).map(lambda value: round(value, 3))
@@ -119,3 +125,14 @@ def test_a_plan_that_is_of_no_use_is_refused(tmp_path: Path) -> None:
         with_plan(FusionSettings(), file)
     with pytest.raises(ConfigError, match="cannot be read"):
         load_walls(tmp_path / "none.geojson")
+
+
+def test_a_post_goes_on_without_a_plan_that_it_cannot_use_and_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "plan.geojson"
+    settings = FusionSettings()
+    kept, why = with_usable_plan(settings, file)
+    assert kept is settings
+    assert why is not None
+    assert why.startswith(f"going on without a plan: {file}: cannot be read")
+    file.write_bytes(geojson_of((Wall(0.0, 0.0, 0.0, 5.0),)))
+    assert with_usable_plan(settings, file) == (with_plan(settings, file), None)

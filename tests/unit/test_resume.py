@@ -66,9 +66,11 @@ class Kept:
         self.file.abandon()
 
     def hear(self, heard: list[Heard]) -> int:
-        """Take in what the gate lets in, and say how much that was."""
+        """Take in what the gate lets in, and say how much that was; be awake when more is due."""
         count = 0
         for time_ns, key, payload in heard:
+            while (due_ns := self.incident.due_ns) is not None and due_ns < time_ns:
+                self.recorded.pass_time(due_ns)
             if self.gate.admit(key, payload) is None:
                 self.recorded.handle(key, payload, time_ns)
                 count += 1

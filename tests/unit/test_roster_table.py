@@ -61,7 +61,7 @@ def test_who_has_an_alarm_comes_first() -> None:
     assert [row.responder_id for row in rows(incident, 2.0)] == ["r2", "r1"]
     said = shown(make_roster(incident, at_ns(2.0), SETTINGS))
     assert "MOTIONLESS soon" in said
-    assert said.index("MOTIONLESS") < said.index("no track")
+    assert said.index("r2 ") < said.index("MOTIONLESS") < said.index("r1 ")
 
 
 def test_the_worst_alarm_that_stands_is_shown_and_the_newest_of_equals() -> None:
@@ -122,3 +122,10 @@ def test_what_is_wrong_with_the_sensor_is_shown() -> None:
     assert rows(incident, 2.0)[0].fault == "Swap it"
     assert "Swap it" in shown(make_roster(incident, at_ns(2.0), SETTINGS))
     assert rows(incident_with(("r1", 1.0, health), ("r1", 2.0, sound)), 3.0)[0].fault is None
+
+
+def test_what_is_wrong_with_the_post_itself_is_shown_below() -> None:
+    roster = make_roster(incident_with(("r1", 0.0, track_start(0.0))), at_ns(1.0), SETTINGS)
+    assert "without a plan" not in shown(roster)
+    remarked = roster._replace(remarks=("going on without a plan: house.geojson: cannot be read",))
+    assert shown(remarked).endswith("going on without a plan: house.geojson: cannot be read")
