@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Group, Parameter
 
-from shared.process import ExitCode, configure_logging, interrupt_on_signals
+from shared.process import ExitCode, LogLevel, configure_logging, interrupt_on_signals
+
+_EVERYWHERE = Group("Logging")
 
 
 def run_command_line(app: App) -> None:
@@ -17,10 +21,37 @@ def run_command_line(app: App) -> None:
     """
     configure_logging()
     interrupt_on_signals()
+    app.meta.default(_with_logging(app))
     try:
-        code = app(sys.argv[1:], exit_on_error=False, result_action="return_value")
+        code = app.meta(sys.argv[1:], exit_on_error=False, result_action="return_value")
     except CycloptsError:
         sys.exit(ExitCode.USAGE)
     except KeyboardInterrupt:
         sys.exit(ExitCode.INTERRUPTED)
     sys.exit(code if isinstance(code, int) else ExitCode.OK)
+
+
+def _with_logging(app: App) -> Callable[..., object]:
+    """Return what runs a command of ``app``, and heeds the options that all commands have."""
+
+    def run(
+        *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
+        log: Annotated[Literal["text", "json"], Parameter(group=_EVERYWHERE)] = "text",
+        log_level: Annotated[LogLevel, Parameter(group=_EVERYWHERE)] = "info",
+    ) -> object:
+        """Run a command.
+
+        Parameters
+        ----------
+        tokens
+            The command and its own arguments.
+        log
+            What goes to standard error: for people, or one JSON object a line.
+        log_level
+            The least that is logged.
+
+        """
+        configure_logging(log_level, json=log == "json")
+        return app(tokens, exit_on_error=False, result_action="return_value")
+
+    return run

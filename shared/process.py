@@ -59,6 +59,7 @@ def configure_logging(level: LogLevel = "info", *, json: bool = False) -> None:
         structlog.stdlib.add_logger_name,
         structlog.stdlib.ExtraAdder(),
         structlog.processors.TimeStamper(fmt="iso", utc=True),
+        _withhold_secrets,
     ]
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(
@@ -79,6 +80,22 @@ def configure_logging(level: LogLevel = "info", *, json: bool = False) -> None:
         logger_factory=structlog.stdlib.LoggerFactory(),
         wrapper_class=structlog.stdlib.BoundLogger,
     )
+
+
+def quieten_logging() -> None:
+    """Log warnings and worse alone from now on."""
+    root = logging.getLogger()
+    root.setLevel(max(root.level, logging.WARNING))
+
+
+def _withhold_secrets(
+    _logger: object, _name: str, event: structlog.typing.EventDict
+) -> structlog.typing.EventDict:
+    """Let no private key into a log, whoever hands one over by mistake."""
+    for name, value in event.items():
+        if "PRIVATE KEY" in str(value):
+            event[name] = "(a private key, withheld)"
+    return event
 
 
 def _render(json: bool) -> list[structlog.typing.Processor]:

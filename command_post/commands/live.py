@@ -43,7 +43,7 @@ from shared.files import (
 from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.mcap_reader import RecordingError, read_recording
-from shared.process import ExitCode, configure_logging, stop_on_signals, stop_with_parent
+from shared.process import ExitCode, quieten_logging, stop_on_signals, stop_with_parent
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.sender import Unkept
@@ -226,7 +226,7 @@ def demo(
 
 def _run(settings: DemoSettings, *, json: bool) -> int:
     """Run a demo to its score, or as far as it gets."""
-    configure_logging("warning")
+    quieten_logging()
     console = Console(stderr=True)
     try:
         with stop_on_signals() as stop:

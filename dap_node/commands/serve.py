@@ -31,8 +31,8 @@ from shared.messages import NodeId, TimeNs
 from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
-    configure_logging,
     end_with_parent,
+    quieten_logging,
     stop_on_signals,
     stop_with_parent,
     wait_until,
@@ -228,7 +228,7 @@ def rehearse(
     except ValueError as error:
         _log.error(str(error))
         return ExitCode.USAGE
-    configure_logging("warning")
+    quieten_logging()
     console = Console(stderr=True)
     try:
         for seed, dap_id in track(

@@ -35,7 +35,7 @@ def test_help_begins_with_an_example(app: App, capsys: pytest.CaptureFixture[str
 
 
 def test_a_rehearsal_cannot_go_into_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serve, "configure_logging", lambda _: None)
+    monkeypatch.setattr(serve, "quieten_logging", lambda: None)
     place = tmp_path / "file"
     place.touch()
     for app in (DAP, AGENT):

@@ -182,15 +182,15 @@ LOGGING = """
 import logging, sys, structlog
 from shared.process import configure_logging
 configure_logging("info", json=sys.argv[1] == "json")
-structlog.stdlib.get_logger("clew.test").info("session opened", node_id="dap 1")
+structlog.stdlib.get_logger("clew.test").info("session opened", node_id=sys.argv[2])
 structlog.stdlib.get_logger("clew.test").debug("unheard")
 logging.getLogger("elsewhere").warning("foreign %d", 3)
 """
 
 
-def logged(form: str) -> list[str]:
+def logged(form: str, node_id: str = "dap 1") -> list[str]:
     ran = subprocess.run(
-        [sys.executable, "-c", LOGGING, form], capture_output=True, text=True, check=True
+        [sys.executable, "-c", LOGGING, form, node_id], capture_output=True, text=True, check=True
     )
     assert ran.stdout == ""
     return ran.stderr.splitlines()
@@ -200,6 +200,29 @@ def test_logs_are_key_value_lines_on_standard_error() -> None:
     own, foreign = logged("lines")
     assert 'level=info logger=clew.test event="session opened" node_id="dap 1"' in own
     assert 'level=warning logger=elsewhere event="foreign 3"' in foreign
+
+
+def test_a_private_key_gets_into_no_log() -> None:
+    pem = "-----BEGIN " + "PRIVATE KEY-----"
+    (own, *_) = (json.loads(line) for line in logged("json", pem))
+    assert own["node_id"] == "(a private key, withheld)"
+
+
+@pytest.mark.parametrize("program", ["command_post", "dap_node", "edge_agent"])
+def test_every_program_logs_as_it_is_told(program: str) -> None:
+    asked = ["run", "--log", "json", "--log-level", "error", "--id", "no id!", "--insecure"]
+    asked += {
+        "command_post": [],
+        "dap_node": ["--scan", "simulated:corridor"],
+        "edge_agent": ["--source", "simulated:corridor"],
+    }[program]
+    ran = subprocess.run(
+        [sys.executable, "-m", program, *asked], capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == ExitCode.USAGE
+    (line,) = ran.stderr.splitlines()
+    said = json.loads(line)
+    assert (said["level"], "no id!" in said["event"]) == ("error", True)
 
 
 def test_logs_are_json_on_request() -> None:
