@@ -34,7 +34,7 @@ from shared.gate import Gate
 from shared.mcap_reader import Recording
 from shared.messages import ExerciseStart
 from shared.security.certificates import Identity
-from shared.sender import Outbox
+from shared.sender import Outbox, Sign
 from shared.time_service import time_answerer
 from shared.topics import (
     TOPICS,
@@ -97,14 +97,16 @@ class Post:
         gate: Gate | None = None,
         outbox: Outbox | None = None,
         meet: Callable[[Identity], object] = lambda _: None,
+        sign: Sign | None = None,
         metrics: Metrics | None = None,
         remarks: Sequence[str] = (),
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
         ``gate``: what lets messages in; without one, everybody is believed. ``outbox``: what seals
-        what the post says. ``meet``: asks a node that comes who it is. ``metrics``: who is told of
-        all that the post counts. ``remarks``: what the roster is to say of how it was begun.
+        what the post says. ``meet``: asks a node that comes who it is. ``sign``: signs what the
+        post answers. ``metrics``: who is told of all that the post counts. ``remarks``: what the
+        roster is to say of how it was begun.
         """
         self._bus = bus
         self._incident = incident
@@ -121,6 +123,7 @@ class Post:
         self._gate = gate or Gate()
         self._outbox = outbox
         self._meet = meet
+        self._sign = sign
         self._inbox = FairInbox[_Heard](INBOX_MESSAGES, INBOX_BYTES)
         self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
@@ -165,7 +168,8 @@ class Post:
         settings = self._incident.settings
         self._bus.subscribe(everything_of(settings.incident), self._hear, self._inbox.wanted)
         self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
-        self._bus.answer(time_key(settings.incident, settings.post_id), time_answerer(self._clock))
+        time_at_post = time_key(settings.incident, settings.post_id)
+        self._bus.answer(time_at_post, time_answerer(self._clock, time_at_post, self._sign))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
         collector = Collector(
             self._bus,

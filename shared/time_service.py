@@ -1,7 +1,9 @@
 """What time it is at the post: who answers that, and who asks, over and over, on a thread.
 
 An answer says at what pace the post's clock runs, so that nobody who has not yet heard of an
-exercise, or takes no part in it, measures one against the other.
+exercise, or takes no part in it, measures one against the other. Where there are keys the post
+signs it: whoever relays it could turn a clock otherwise. It repeats the question's time, so that
+an older one is of no use.
 """
 
 from __future__ import annotations
@@ -15,8 +17,11 @@ import msgspec
 from shared.bus.interface import Answerer, Bus
 from shared.clock import PacedClock
 from shared.clock_sync import ClockOffset, Exchange, OffsetEstimator
+from shared.gate import Verifier
 from shared.messages import NodeId, TimeNs
-from shared.topics import time_key
+from shared.seal import Seal, to_be_signed
+from shared.sender import Sign
+from shared.topics import Key, time_key
 
 QUICK_PERIOD_S = 0.3
 QUICK_EXCHANGES = 6
@@ -35,12 +40,16 @@ class TimeQuestion(msgspec.Struct, frozen=True, array_like=True, gc=False):
 
 
 class TimeAnswer(msgspec.Struct, frozen=True, array_like=True, gc=False):
-    """The question's time again, and the post's when it heard and answered it, at its ``pace``."""
+    """The question's time again, and the post's when it heard and answered it, at its ``pace``.
+
+    ``signature`` is over the key and the answer without it.
+    """
 
     asked_ns: TimeNs
     heard_ns: TimeNs
     answered_ns: TimeNs
     pace: float
+    signature: bytes = b""
 
 
 class StatedOffset(NamedTuple):
@@ -55,8 +64,11 @@ _questions = msgspec.msgpack.Decoder(TimeQuestion)
 _answers = msgspec.msgpack.Decoder(TimeAnswer)
 
 
-def time_answerer(clock: PacedClock) -> Answerer:
-    """Return what answers with the time of ``clock``; what is no question has no answer."""
+def time_answerer(clock: PacedClock, key: str = "", sign: Sign | None = None) -> Answerer:
+    """Return what answers with the time of ``clock``; what is no question has no answer.
+
+    With ``sign`` it signs what it answers under ``key``.
+    """
 
     def answer(request: bytes) -> bytes | None:
         heard_ns = clock.now_ns()
@@ -64,7 +76,11 @@ def time_answerer(clock: PacedClock) -> Answerer:
             asked_ns = _questions.decode(request).asked_ns
         except (msgspec.MsgspecError, UnicodeDecodeError):
             return None
-        return _encode(TimeAnswer(asked_ns, heard_ns, clock.now_ns(), clock.pace))
+        answer = TimeAnswer(asked_ns, heard_ns, clock.now_ns(), clock.pace)
+        if sign is not None:
+            signature = sign(to_be_signed(key, _encode(answer)))
+            answer = msgspec.structs.replace(answer, signature=signature)
+        return _encode(answer)
 
     return answer
 
@@ -76,10 +92,18 @@ class TimeAsker:
     times quickly and then every few real seconds, whatever the clock's pace.
     """
 
-    def __init__(self, bus: Bus, incident: NodeId, clock: PacedClock) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        incident: NodeId,
+        clock: PacedClock,
+        verifier: Verifier | None = None,
+    ) -> None:
+        """``verifier``: knows the posts' keys; without one, any answer is believed."""
         self._bus = bus
         self._keys = time_key(incident, "*")
         self._clock = clock
+        self._verifier = verifier
         self._lock = threading.Lock()
         self._post = _Asked("", clock.pace)
         self._stop = threading.Event()
@@ -115,11 +139,21 @@ class TimeAsker:
             )
             for reply in replies
             if (answer := _read(reply.payload)) is not None
+            and self._is_signed(reply.key, answer)
             and answer.asked_ns == asked_ns
             and answer.pace == pace
         }
         with self._lock:
             return self._choose(exchanges, pace).take(exchanges)
+
+    def _is_signed(self, key: str, answer: TimeAnswer) -> bool:
+        """Say whether the post of ``key`` has signed ``answer``, where that is to be so."""
+        if self._verifier is None:
+            return True
+        incident, _, post_id, topic = key.split("/")[2:]
+        asked = Key(incident, "post", post_id, topic)
+        said = _encode(msgspec.structs.replace(answer, signature=b""))
+        return self._verifier.verdict(asked, key, Seal(b"", 0, answer.signature, said)) is None
 
     def _choose(self, answered: Collection[NodeId], pace: float) -> _Asked:
         """Return the post to keep to: another only once the last one is silent for long."""

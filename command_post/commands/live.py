@@ -145,8 +145,8 @@ def run(
                     bus, Incident(settings), recorder, SystemClock(),
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
-                    meet=introductions.meet, metrics=figures,
-                    remarks=() if refused is None else (refused,),
+                    meet=introductions.meet, sign=None if bundle is None else bundle.sign,
+                    metrics=figures, remarks=() if refused is None else (refused,),
                 )  # fmt: skip
                 if recorder.unfinished is not None:
                     post.take_up(read_recording(recorder.unfinished))

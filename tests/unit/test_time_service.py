@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -10,10 +11,12 @@ import pytest
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryBus, MemoryNetwork
 from shared.clock import ManualClock, PacedClock, SystemClock
+from shared.security.verifier import KnownSigners
 from shared.time_service import PATIENCE, TimeAnswer, TimeAsker, time_answerer
 from shared.topics import time_key
 from shared.units import NS_PER_S
 from tests.faulty_clocks import FaultyClock
+from tests.issued_keys import Keys, identity
 
 START_NS = 1_700_000_000 * NS_PER_S
 MS = 1_000_000
@@ -119,6 +122,30 @@ def test_one_post_is_kept_to_until_it_is_silent_for_long() -> None:
 @pytest.mark.parametrize("request_", [b"", b"\xc1", b"\x91\xa1a", b"\x90", bytes(70_000)])
 def test_what_is_no_question_has_no_answer(request_: bytes) -> None:
     assert time_answerer(PacedClock(ManualClock()))(request_) is None
+
+
+def test_only_the_post_itself_turns_a_nodes_clock(tmp_path: Path) -> None:
+    keys = Keys(tmp_path / "keys", ["post", "dap1", "r1"])
+    world = World(0)
+    world.network.answerers.clear()
+    signers = KnownSigners(keys["r1"].authority, lambda: 0)
+    asker = TimeAsker(world.network.connect(), "test", world.node, signers)
+    key = time_key("test", "post")
+
+    def said_by(name: str | None, under: str = key) -> bool:
+        world.network.answerers.clear()
+        sign = None if name is None else keys[name].sign
+        world.network.connect().answer(key, time_answerer(world.post, under, sign))
+        return asker.ask()
+
+    assert not said_by("post")
+    assert signers.take_wanted() == [identity("post")]
+    for name in ("post", "dap1"):
+        assert signers.learn(keys[name].certificate.der) is None
+    assert [said_by("dap1"), said_by(None), said_by("post", "clew/v1/other/post/post/time")] == [
+        False, False, False,
+    ]  # fmt: skip
+    assert said_by("post")
 
 
 def _garbage(_: int) -> bytes:
