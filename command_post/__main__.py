@@ -8,7 +8,7 @@ from command_post.commands.afterwards import afterwards
 from command_post.commands.keys import keys
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, plan, rehearse
-from command_post.commands.orders import click, floor
+from command_post.commands.orders import click, floor, order
 from command_post.commands.prepare import prepare
 from command_post.commands.proof import proof
 from command_post.commands.scoring import replay, score_file
@@ -26,6 +26,7 @@ app.command(run)
 app.command(demo)
 app.command(click)
 app.command(floor)
+app.command(order)
 app.command(replay)
 app.command(score_file, name="score")
 app.command(afterwards)

@@ -10,6 +10,9 @@ from shared.messages import DapInstallation, Message
 from shared.seal import Seal
 from shared.topics import Key
 
+PATIENCE_NS = 1_200_000_000
+"""A node beats every second, and knows how far its clock is off by its second beat."""
+
 MOST_WAITING = 1000
 """Of one node; what comes beyond is dated as well as it can be."""
 
@@ -25,13 +28,12 @@ class Dating:
     """Dates events by what ``senders`` tells of their nodes' clocks.
 
     A node that seals what it says will soon state how far its clock is off: what comes before that
-    waits for it, ``patience_ns`` at most since the node was first heard. ``moved_in_time`` counts
+    waits for it, ``PATIENCE_NS`` at most since the node was first heard. ``moved_in_time`` counts
     the events that were moved.
     """
 
-    def __init__(self, senders: Senders, patience_ns: int) -> None:
+    def __init__(self, senders: Senders) -> None:
         self._senders = senders
-        self._patience_ns = patience_ns
         self._undated: dict[str, _Undated] = {}
         """Installations that may be old, of DAPs whose clock is not known yet."""
 
@@ -81,7 +83,7 @@ class Dating:
 
     def _may_state_soon(self, node: Node, now_ns: int) -> bool:
         first_ns = self._heard_first_ns.setdefault(node, now_ns)
-        waits = now_ns - first_ns < self._patience_ns
+        waits = now_ns - first_ns < PATIENCE_NS
         return waits and not self._senders.states_clock(*node)
 
     def _date_or_keep(self, undated: _Undated, now_ns: int) -> list[Event]:

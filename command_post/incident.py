@@ -21,10 +21,11 @@ from command_post.fusion.settings import HOLD_S, FusionSettings
 from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
 from command_post.fusion.track import Estimate
 from command_post.node_clock import KnownClock
+from command_post.orders import Orders
 from command_post.senders import Senders
+from command_post.told import LastMovement, RaisedAlarm, Told
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
-    Alarm,
     AlarmKind,
     Contact,
     DapEstimate,
@@ -34,6 +35,10 @@ from shared.messages import (
     NodeHealth,
     NodeId,
     OdometryIncrement,
+    Order,
+    OrderAnswer,
+    OrderReply,
+    OrderRequest,
     PositionFix,
     ProximityEvent,
     RssiPeak,
@@ -97,20 +102,6 @@ class Outgoing(NamedTuple):
     payload: bytes
 
 
-class RaisedAlarm(NamedTuple):
-    """What an alarm's newest message says, and when that phase was first heard of, post's clock."""
-
-    alarm: Alarm
-    heard_ns: int
-
-
-class LastMovement(NamedTuple):
-    """A responder's newest movement, and when it was heard, on the post's clock."""
-
-    increment: OdometryIncrement
-    heard_ns: int
-
-
 class Notice(NamedTuple):
     """What is to be told once of a node: a kind of refusal, or what is wrong with it."""
 
@@ -139,11 +130,10 @@ class Incident:
         self._notices: list[Notice] = []
         self._keys: dict[str, Key] = {}
         self._heard_ns: dict[tuple[Role, str], int] = {}
-        self._alarms: dict[str, dict[AlarmKind, RaisedAlarm]] = {}
-        self._health: dict[str, NodeHealth] = {}
-        self._movements: dict[str, LastMovement] = {}
+        self._told = Told()
+        self._orders = Orders()
         self._senders = Senders(settings.hold_ns, settings.post_id)
-        self._dating = Dating(self._senders, settings.hold_ns)
+        self._dating = Dating(self._senders)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
         self._doubted: set[tuple[str, Role, str]] = set()
@@ -167,17 +157,22 @@ class Incident:
     @property
     def alarms(self) -> Mapping[str, Mapping[AlarmKind, RaisedAlarm]]:
         """The newest of each kind of alarm, by responder; ``cancelled`` ones are still there."""
-        return MappingProxyType(self._alarms)
+        return MappingProxyType(self._told.alarms)
 
     @property
     def health(self) -> Mapping[str, NodeHealth]:
         """What each responder's unit last said of its sensor."""
-        return MappingProxyType(self._health)
+        return MappingProxyType(self._told.health)
 
     @property
     def movements(self) -> Mapping[str, LastMovement]:
         """The newest movement heard of each responder."""
-        return MappingProxyType(self._movements)
+        return MappingProxyType(self._told.movements)
+
+    @property
+    def orders(self) -> Orders:
+        """What has been ordered, and who has not acknowledged it."""
+        return self._orders
 
     @property
     def counts(self) -> Counter[str]:
@@ -227,7 +222,7 @@ class Incident:
         elif parsed[:3] == (self.settings.incident, "post", self.settings.post_id):
             self._refuse("not_the_post", parsed.node_id, "somebody else uses this post's keys")
         else:
-            self._take_from_post(parsed, payload, now_ns)
+            made += self._take_from_post(parsed, payload, now_ns)
         return made + self.pass_time(now_ns)
 
     def pass_time(self, now_ns: int) -> list[Outgoing]:
@@ -241,6 +236,10 @@ class Incident:
     def due_ns(self) -> int | None:
         """When something is due next, were nothing heard until then."""
         return self._time_line.due_ns
+
+    def said(self, order: Order) -> Outgoing:
+        """Return an order as it was to be published."""
+        return self._outgoing(order, "order")
 
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""
@@ -264,12 +263,33 @@ class Incident:
             self._keys[key_text] = key
         return key
 
-    def _take_from_post(self, key: Key, payload: bytes, now_ns: int) -> None:
+    def _take_from_post(self, key: Key, payload: bytes, now_ns: int) -> list[Outgoing]:
         message = decode(key, payload)
         if isinstance(message, Refusal):
             self._refuse(message.reason, key.node_id, message.detail)
-        elif key.topic in _FUSED and key.incident == self.settings.incident:
-            self._time_line.put(Event(key, message, message.event_time_ns), now_ns)
+        elif key.incident == self.settings.incident:
+            if isinstance(message, OrderRequest):
+                return self._order(key.node_id, message, now_ns)
+            if key.topic in _FUSED:
+                self._time_line.put(Event(key, message, message.event_time_ns), now_ns)
+        return []
+
+    def _order(self, commander_id: NodeId, request: OrderRequest, now_ns: int) -> list[Outgoing]:
+        """Do what a commander requests, and answer."""
+        known = {node_id for role, node_id in self._heard_ns if role == "responder"}
+        issued = self._orders.request(request, known, now_ns)
+        refusal = issued if isinstance(issued, str) else None
+        order, waited_for = (None, ()) if isinstance(issued, str) else issued
+        answer = OrderAnswer(
+            event_time_ns=now_ns,
+            sequence=self._next_sequence("order_answer"),
+            commander_id=commander_id,
+            request_sequence=request.sequence,
+            refusal=refusal,
+            waited_for=waited_for,
+        )
+        outgoing = [] if order is None else [self._outgoing(order, "order")]
+        return [*outgoing, self._outgoing(answer, "order_answer")]
 
     def _take(self, key: Key, payload: bytes, now_ns: int) -> None:
         message = decode(key, payload)
@@ -284,6 +304,8 @@ class Incident:
         elif node not in self._heard_ns and len(self._heard_ns) >= MOST_NODES:
             self._refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
         else:
+            if key.role == "responder" and node not in self._heard_ns:
+                self._orders.meet(key.node_id)
             self._heard_ns[node] = now_ns
             self._take_dated(key, message, now_ns, read_seal(payload))
 
@@ -291,32 +313,15 @@ class Incident:
         """Take in what a node of this incident says, and when that was on the post's clock."""
         for found in self._senders.hear(key, message, now_ns, seal):
             self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
-        self._keep(key.node_id, message, now_ns)
+        self._told.take(key.node_id, message, now_ns)
+        if isinstance(message, OrderReply) and message.post_id == self.settings.post_id:
+            self._orders.take(key.node_id, message)
         if key.role == "responder":
             time_ns = self._senders.time_ns(key.role, key.node_id, message.event_time_ns, seal)
             self._tracker.heard(key.node_id, min(time_ns, now_ns))
         events = self._dating.date(key, message, now_ns, seal) if key.topic in _FUSED else []
         for event in (*self._dating.dated_by_now(key, now_ns), *events):
             self._time_line.put(event, now_ns)
-
-    def _keep(self, node_id: str, message: Message, now_ns: int) -> None:
-        """Keep the newest of what is told and not fused: at once, for an alarm waits for nobody."""
-        match message:
-            case Alarm():
-                of_node = self._alarms.setdefault(node_id, {})
-                known = of_node.get(message.kind)
-                if known is None or _is_newer(message, known.alarm):
-                    goes_on = known is not None and known.alarm.phase == message.phase
-                    heard_ns = known.heard_ns if known is not None and goes_on else now_ns
-                    of_node[message.kind] = RaisedAlarm(message, heard_ns)
-            case NodeHealth():
-                said = self._health.get(node_id)
-                if said is None or _is_newer(message, said):
-                    self._health[node_id] = message
-            case OdometryIncrement():
-                last = self._movements.get(node_id)
-                if last is None or _is_newer(message, last.increment):
-                    self._movements[node_id] = LastMovement(message, now_ns)
 
     def _refuse(self, reason: str, node_id: str, detail: str) -> None:
         self.refused += 1
@@ -421,16 +426,6 @@ def _is_ones_own(key: Key, message: Message) -> bool:
             return (message.node, message.node_id) == (key.role, key.node_id)
         case _:
             return True
-
-
-def _is_newer(message: Message, known: Message) -> bool:
-    """Whether ``message`` was sent after ``known``, of the same key.
-
-    A sender that begins anew numbers from 0 again, one whose clock is set back counts on: either
-    order is believed, for what is neither later nor further is a repeat.
-    """
-    later = message.event_time_ns > known.event_time_ns
-    return later or message.sequence > known.sequence
 
 
 def _node_of(key_text: str) -> str:

@@ -20,6 +20,7 @@ from command_post.figures import Figures, by_reason
 from command_post.freshness import NodeWatch
 from command_post.incident import Incident
 from command_post.metrics import Metrics
+from command_post.orders import OrderRepeats
 from command_post.reception import Reception
 from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.resume import resume
@@ -32,7 +33,7 @@ from shared.codec import Refusal, decode, parse_key
 from shared.collector import Collector
 from shared.gate import Gate
 from shared.mcap_reader import Recording
-from shared.messages import ExerciseStart
+from shared.messages import ExerciseStart, Order
 from shared.security.certificates import Identity
 from shared.sender import Outbox, Sign
 from shared.time_service import time_answerer
@@ -40,6 +41,7 @@ from shared.topics import (
     TOPICS,
     Key,
     Role,
+    Topic,
     alive_key,
     all_alive_of,
     everything_of,
@@ -137,6 +139,9 @@ class Post:
         """What was published last: the bus hands a node's own messages back to it."""
 
         self._to_say_again: Sequence[Outgoing] = ()
+        self._repeats = OrderRepeats()
+        self._sealed_orders: dict[bytes, bytes] = {}
+        """Orders as they were said first, by what was sealed."""
 
     def take_up(self, recording: Recording) -> None:
         """Take the incident up where ``recording``, which is gone on with, was broken off.
@@ -192,6 +197,7 @@ class Post:
             if not heard:
                 self._pass_time()
             if time.monotonic() >= next_show_s:
+                self._repeat_orders()
                 self._tell_comings()
                 self._tell_figures()
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
@@ -297,12 +303,32 @@ class Post:
             topic = TOPICS[key.rpartition("/")[2]]
             if self._outbox is not None:
                 payload = self._outbox.seal(topic, key, payload)
-            self._said[Received(key, payload)] = None
-            if len(self._said) > MOST_ON_THE_WAY:
-                self._said.popitem(last=False)
-            self._bus.publish(key, payload, topic.priority)
+            if topic.message is Order:
+                self._sealed_orders[message.payload] = payload
+            self._say(key, payload, topic)
             if self._metrics is not None:
                 self._metrics.published(key, payload, self._clock.now_ns())
+
+    def _say(self, key: str, payload: bytes, topic: Topic) -> None:
+        received = Received(key, payload)
+        self._said[received] = None
+        self._said.move_to_end(received)
+        if len(self._said) > MOST_ON_THE_WAY:
+            self._said.popitem(last=False)
+        self._bus.publish(key, payload, topic.priority)
+
+    def _repeat_orders(self) -> None:
+        """Say again what somebody who is alive has not acknowledged, in the bytes it went out in.
+
+        After the post was started anew it is sealed anew.
+        """
+        alive = {node_id for role, node_id in tuple(self._alive) if role == "responder"}
+        for order in self._repeats.due(self._incident.orders, alive, self._clock.now_ns()):
+            said = self._incident.said(order)
+            if said.payload in self._sealed_orders:
+                self._say(said.key, self._sealed_orders[said.payload], TOPICS["order"])
+            else:
+                self._publish([said])
 
     def _follow(self, key: str, payload: bytes) -> None:
         """Set the clock by an ``ExerciseStart``."""

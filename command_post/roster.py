@@ -12,9 +12,11 @@ from command_post.confidence import radii95_m
 from command_post.freshness import Freshness
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
-from command_post.incident import Incident, LastMovement, RaisedAlarm
+from command_post.incident import Incident
+from command_post.orders import Unacknowledged
+from command_post.told import LastMovement, RaisedAlarm
 from shared.gate import Turned
-from shared.messages import Activity, Alarm, AlarmKind, LocalPosition, NodeHealth
+from shared.messages import Activity, Alarm, AlarmKind, LocalPosition, NodeHealth, Order
 from shared.topics import Role
 from shared.units import NS_PER_S
 
@@ -63,6 +65,14 @@ class RosterSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     still_s: Seconds = 5.0
 
 
+class OrderedRow(NamedTuple):
+    """An order that was not acknowledged: how old it is, and whether the unit has it."""
+
+    order: Order
+    age_s: float
+    received: bool
+
+
 class ResponderRow(NamedTuple):
     """A responder. ``radii95_m`` are the semi-axes of the 95 % ellipse, the longer first.
 
@@ -70,7 +80,7 @@ class ResponderRow(NamedTuple):
     ``no_track``: heard, and not started. ``reason`` says in words why ``status`` is what it is.
     ``alarm`` is the worst that stands, the newest of equals; ``activity`` what they do, in words,
     if that is known now; ``fault`` what is wrong with their unit: its clock, its id, and the worst
-    that it finds wrong with its sensor.
+    that it finds wrong with its sensor. ``orders`` are those that they have not acknowledged.
     """
 
     responder_id: str
@@ -83,6 +93,7 @@ class ResponderRow(NamedTuple):
     alarm: Alarm | None
     activity: str | None
     fault: str | None
+    orders: tuple[OrderedRow, ...] = ()
 
 
 class DapRow(NamedTuple):
@@ -99,7 +110,9 @@ class DapRow(NamedTuple):
 
 
 class Roster(NamedTuple):
-    """Everybody and every DAP at ``now_ns``: those with an alarm first, then by their ids.
+    """Everybody and every DAP at ``now_ns``, by their ids.
+
+    First those with an alarm, and those who have not acknowledged that they are to come out.
 
     ``nodes`` tells of all nodes how fresh what is known of them is, others than these as well;
     ``remarks`` in words what is wrong with the post itself.
@@ -133,7 +146,7 @@ def make_roster(
     ]
     return Roster(
         now_ns,
-        tuple(sorted(responders, key=lambda row: row.alarm is None)),
+        tuple(sorted(responders, key=_urgency)),
         tuple(
             _dap_row(dap_id, daps.get(dap_id), incident, view)
             for dap_id in sorted(view.heard("dap") | daps.keys())
@@ -204,7 +217,17 @@ def _responder_row(
             *view.doubtful(responder_id),
             *_worst(incident.health.get(responder_id)),
         ),
+        orders=tuple(_ordered(one, view) for one in incident.orders.of(responder_id)),
     )
+
+
+def _urgency(row: ResponderRow) -> tuple[bool, bool]:
+    return row.alarm is None, not any(one.order.kind == "evacuate" for one in row.orders)
+
+
+def _ordered(one: Unacknowledged, view: _View) -> OrderedRow:
+    age_ns = max(view.now_ns - one.order.event_time_ns, 0)
+    return OrderedRow(one.order, age_ns / NS_PER_S, one.stage == "received")
 
 
 def _standing_alarm(raised: Mapping[AlarmKind, RaisedAlarm]) -> Alarm | None:

@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from command_post.freshness import Freshness
-from command_post.roster import DapRow, ResponderRow, Roster
+from command_post.roster import DapRow, OrderedRow, ResponderRow, Roster
 from shared.messages import AlarmPhase
 
 _STYLES = {
@@ -67,10 +67,21 @@ def _responder_status(row: ResponderRow) -> list[Text]:
     if row.alarm is not None:
         style, stage = _ALARMS[row.alarm.phase]
         parts.append(Text(f"{row.alarm.kind.upper()}{stage}", style) + f": {row.alarm.reason}")
+    parts += [_order(one) for one in row.orders]
     parts.append(_status(row))
     if row.activity is not None:
         parts.append(Text(row.activity))
     return [*parts, *_fault(row)]
+
+
+def _order(one: OrderedRow) -> Text:
+    """Return an order that was not acknowledged: what, for how long, and whether it is there."""
+    kind = one.order.kind.replace("_", " ")
+    urgent = one.order.kind == "evacuate"
+    name = Text(kind.upper() if urgent else kind, "bold red" if urgent else "bold")
+    stage = "received, not acknowledged" if one.received else "not received"
+    said = f" {one.order.text!r}" if one.order.kind == "message" else ""
+    return name + f"{said}: {stage} for {one.age_s:.0f} s"
 
 
 def _fault(row: ResponderRow | DapRow) -> tuple[Text, ...]:

@@ -7,10 +7,11 @@ from threading import Event
 
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
-from shared.clock import Clock, ScaledClock, SystemClock
+from shared.clock import PacedClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
 from shared.gate import Gate
 from shared.messages import ExerciseStart, NodeId
+from shared.time_service import TimeAsker
 from shared.topics import Key
 from shared.units import NS_PER_S
 
@@ -40,14 +41,20 @@ def await_exercise(bus: Bus, incident: NodeId, gate: Gate, stop: Event) -> Exerc
     return None
 
 
-def ask_clock(bus: Bus, incident: NodeId, gate: Gate) -> Clock:
-    """Return the clock that the incident goes by: its exercise's if there is one.
+def ask_time_ns(bus: Bus, incident: NodeId, gate: Gate) -> int:
+    """Return what time it is at the post, or here if no post tells.
 
-    ``gate`` lets in who may give an exercise.
+    ``gate`` lets in who may give an exercise, whose time then counts.
     """
+    clock = PacedClock(SystemClock())
     key = str(Key(incident, "post", "*", "exercise"))
     start = _first_start(bus.query(key, ASK_TIMEOUT_S), gate)
-    return SystemClock() if start is None else ScaledClock(start.event_time_ns, start.speed)
+    if start is not None:
+        clock.run_from(start.event_time_ns, start.speed)
+    asker = TimeAsker(bus, incident, clock)
+    asker.ask()
+    stated = asker.stated()
+    return clock.now_ns() + (0 if stated is None else stated.offset.offset_ns)
 
 
 def _first_start(heard: Iterable[Received], gate: Gate) -> ExerciseStart | None:

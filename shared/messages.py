@@ -366,6 +366,29 @@ class Order(Message, frozen=True, kw_only=True):
     text: Annotated[str, Meta(max_length=200)]
 
 
+class OrderRequest(Message, frozen=True, kw_only=True):
+    """A commander wants the post to order those in ``to`` something, everybody if that is empty.
+
+    To ``withdraw`` is to wait no longer until they acknowledge what they were ordered.
+    """
+
+    kind: OrderKind | Literal["withdraw"]
+    to: Annotated[tuple[NodeId, ...], Meta(max_length=256)]
+    text: Annotated[str, Meta(max_length=200)]
+
+
+class OrderAnswer(Message, frozen=True, kw_only=True):
+    """The post has done what ``commander_id`` requested under that number, or says why not.
+
+    ``waited_for`` are those who are to acknowledge it.
+    """
+
+    commander_id: NodeId
+    request_sequence: Sequence
+    refusal: Annotated[str, Meta(max_length=400)] | None
+    waited_for: Annotated[tuple[NodeId, ...], Meta(max_length=4096)]
+
+
 class OrderReply(Message, frozen=True, kw_only=True):
     """A responder's unit has an order (``received``), or its wearer says so (``acknowledged``)."""
 

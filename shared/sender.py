@@ -65,9 +65,10 @@ class Sender:
 
         self._next: Counter[type[Message]] = Counter()
 
-    def key(self, message: type[Message]) -> str:
-        """Return the key that this node writes messages of that type under."""
-        return str(Key(self._incident, self._role, self.node_id, _TOPIC_OF[message].name))
+    def key(self, message: type[Message], node_id: NodeId | None = None) -> str:
+        """Return the key that this node, or another of its role, writes such messages under."""
+        topic = _TOPIC_OF[message].name
+        return str(Key(self._incident, self._role, node_id or self.node_id, topic))
 
     def next_sequence(self, message: type[Message]) -> int:
         """Return the number for the next message of that type: 0, 1, 2 … in this process."""

@@ -23,7 +23,9 @@ from shared.messages import (
     NodeHealth,
     OdometryIncrement,
     Order,
+    OrderAnswer,
     OrderReply,
+    OrderRequest,
     PositionFix,
     ProximityEvent,
     Receipt,
@@ -147,6 +149,10 @@ def one_of_each() -> dict[str, Message]:
             **common, safe=(SafeUpTo(role="dap", node_id="d1", run="00ff" * 4, number=7),)
         ),
         "order": Order(**common, kind="evacuate", to=("r1",), text="by the north stair"),
+        "order_request": OrderRequest(**common, kind="withdraw", to=("r1",), text=""),
+        "order_answer": OrderAnswer(
+            **common, commander_id="c", request_sequence=2, refusal="nobody", waited_for=("r1",)
+        ),
         "order_reply": OrderReply(**common, post_id="p", order_sequence=2, stage="received"),
         "exercise": ExerciseStart(**common, scenario="course", seed=7, speed=10.0),
         "truth": Truth(**common, north_m=1.0, east_m=2.0, down_m=0.0),

@@ -1,22 +1,33 @@
-"""``command-post click`` and ``command-post floor``: tell a running post where somebody is."""
+"""``command-post click``, ``floor`` and ``order``: tell a running post something."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import structlog
 from cyclopts import Parameter, validators
+from rich.console import Console
 
-from shared.bus.interface import Bus
+from shared.bus.inbox import Inbox
+from shared.bus.interface import Bus, Received
 from shared.bus.zenoh_bus import open_zenoh
+from shared.codec import Refusal, decode, parse_key
 from shared.config import checked
-from shared.exercise import ask_clock
+from shared.exercise import ask_time_ns
 from shared.gate import Gate
 from shared.introductions import Introductions
-from shared.messages import HeightFix, LocalPosition, Message, PositionFix
+from shared.messages import (
+    HeightFix,
+    LocalPosition,
+    Message,
+    OrderAnswer,
+    OrderKind,
+    OrderRequest,
+    PositionFix,
+)
 from shared.process import ExitCode
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
@@ -25,6 +36,8 @@ from shared.topics import alive_key, check_id
 
 FIND_POST_S = 5.0
 POLL_S = 0.05
+ANSWER_S = 5.0
+MOST_ANSWERS = 64
 NS_PER_MS = 1_000_000
 
 Deviation = Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))]
@@ -152,16 +165,108 @@ def floor(
         )  # fmt: skip
 
     option = "--responder" if responder else "--dap"
-    return _say(fix, Sayer(incident, commander_id, connect, keys, insecure), option, node_id)
+    return _say(fix, Sayer(incident, commander_id, connect, keys, insecure), option, (node_id,))
 
 
-def _say(message: Callable[[int, int], Message], sayer: Sayer, option: str, node_id: str) -> int:
+def order(
+    kind: Literal["evacuate", "roll-call", "message", "withdraw"],
+    *,
+    to: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
+    everybody: Annotated[bool, Parameter(name="--all", negative="")] = False,
+    text: str = "",
+    incident: str = "incident",
+    connect: Dialled = (),
+    keys: Keys = None,
+    insecure: Insecure = False,
+    commander_id: SayerId = "commander",
+) -> int:
+    """Have the post order responders something, until each has acknowledged it.
+
+    The post says it again and again to who has not, and shows who that is. Examples:
+    command-post order evacuate --all --incident harbour --keys keys/commander;
+    command-post order message --to r1 --to r2 --text 'to the north stair'
+
+    Parameters
+    ----------
+    kind
+        'withdraw' is to wait no longer for what was ordered: units that have it are not told.
+    to
+        A responder, one an option.
+    everybody
+        All responders; to evacuate, also those who are heard later.
+    text
+        What to tell them, up to 200 characters.
+    incident
+        Name of the incident.
+    connect
+        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
+    keys
+        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
+    insecure
+        Do without keys, on one machine.
+    commander_id
+        Who orders it; another name than the post's.
+
+    """
+    if bool(to) == everybody or (kind == "message" and not text):
+        what = "a message needs --text" if bool(to) != everybody else "give either --to or --all"
+        _log.error(f"order: {what}")
+        return ExitCode.USAGE
+
+    def request(time_ns: int, sequence: int) -> Message:
+        which: OrderKind | Literal["withdraw"] = "roll_call" if kind == "roll-call" else kind
+        return OrderRequest(event_time_ns=time_ns, sequence=sequence, kind=which, to=to, text=text)
+
+    sayer = Sayer(incident, commander_id, connect, keys, insecure)
+    return _say(request, sayer, "--to", to, awaits_answer=True)
+
+
+def _await_answer(bus: Bus, request: Message, sender: Sender, gate: Gate) -> int:
+    """Send a request, and say what the post answers."""
+    answers: Inbox[Received] = Inbox(MOST_ANSWERS)
+    bus.subscribe(sender.key(OrderAnswer, "*"), answers.put)
+    sender.send(request)
+    give_up_s = time.monotonic() + ANSWER_S
+    while time.monotonic() < give_up_s:
+        for received in answers.get_all(POLL_S):
+            key = parse_key(received.key)
+            if isinstance(key, Refusal) or gate.admit(*received) is not None:
+                continue
+            answer = decode(key, received.payload)
+            if isinstance(answer, OrderAnswer) and _answers(answer, sender.node_id, request):
+                return _say_answer(answer)
+    _log.error("the post does not answer; see its log, and whether the order is in its table")
+    return ExitCode.FAILURE
+
+
+def _answers(answer: OrderAnswer, commander_id: str, request: Message) -> bool:
+    return (answer.commander_id, answer.request_sequence) == (commander_id, request.sequence)
+
+
+def _say_answer(answer: OrderAnswer) -> int:
+    if answer.refusal is not None:
+        _log.error(answer.refusal)
+        return ExitCode.USAGE
+    names = ", ".join(answer.waited_for) or "nobody so far"
+    Console().print(names, highlight=False, markup=False)
+    return ExitCode.OK
+
+
+def _say(
+    message: Callable[[int, int], Message],
+    sayer: Sayer,
+    option: str,
+    node_ids: Sequence[str],
+    *,
+    awaits_answer: bool = False,
+) -> int:
     """Publish ``message(time_ns, sequence)`` at the time of the post's clock, once one listens."""
     incident, commander_id = sayer.incident, sayer.commander_id
     try:
         check_id(incident, "--incident")
         check_id(commander_id, "--id")
-        check_id(node_id, option)
+        for node_id in node_ids:
+            check_id(node_id, option)
         checked(message(0, 0))
         bundle = open_keys(sayer.keys, Identity("post", commander_id), insecure=sayer.insecure)
         dialled = sayer.connect or (local_endpoint(bundle),)
@@ -178,15 +283,19 @@ def _say(message: Callable[[int, int], Message], sayer: Sayer, option: str, node
             if not introductions.introduce():
                 _log.error("the post does not show who it is; give keys of the same authority")
                 return ExitCode.FAILURE
-            now_ns = ask_clock(bus, incident, Gate(introductions.signers)).now_ns()
+            gate = Gate(introductions.signers)
+            now_ns = ask_time_ns(bus, incident, gate)
             outbox = Unkept(None if bundle is None else bundle.sign)
             sender = Sender(bus, incident, "post", commander_id, outbox)
             # Every order is a process of its own: counting by the clock, none repeats another.
-            sender.send(message(now_ns, now_ns // NS_PER_MS))
+            said = message(now_ns, now_ns // NS_PER_MS)
+            if awaits_answer:
+                return _await_answer(bus, said, sender, gate)
+            sender.send(said)
+            return ExitCode.OK
     except ValueError as error:
         _log.error(str(error))
         return ExitCode.USAGE
-    return ExitCode.OK
 
 
 def _find_posts(bus: Bus, incident: str) -> set[str]:

@@ -40,6 +40,8 @@ WIRE_FIELDS = {
     "beat": "event_time_ns sequence run last_number kept_from acknowledged clock",
     "receipt": "event_time_ns sequence safe",
     "order": "event_time_ns sequence kind to text",
+    "order_request": "event_time_ns sequence kind to text",
+    "order_answer": "event_time_ns sequence commander_id request_sequence refusal waited_for",
     "order_reply": "event_time_ns sequence post_id order_sequence stage",
     "exercise": "event_time_ns sequence scenario seed speed",
     "truth": "event_time_ns sequence north_m east_m down_m",

@@ -20,7 +20,13 @@ from shared.bus.memory import MemoryNetwork
 from shared.clock import ManualClock
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.mcap_reader import read_recording
-from shared.messages import ExerciseStart, OdometryIncrement, TrackEstimate, TrackStart
+from shared.messages import (
+    ExerciseStart,
+    Message,
+    OdometryIncrement,
+    TrackEstimate,
+    TrackStart,
+)
 from shared.topics import Key, alive_key
 from shared.units import NS_PER_S
 from tests.waiting import wait_for
@@ -64,10 +70,16 @@ def key(topic: str, role: str = "responder", node: str = "r1") -> str:
     return f"clew/v1/fire/{role}/{node}/{topic}"
 
 
-def estimate_in(received: Received) -> TrackEstimate:
+def message_in(received: Received) -> Message:
     parsed = parse_key(received.key)
     assert not isinstance(parsed, Refusal)
-    estimate = decode(parsed, received.payload)
+    message = decode(parsed, received.payload)
+    assert not isinstance(message, Refusal)
+    return message
+
+
+def estimate_in(received: Received) -> TrackEstimate:
+    estimate = message_in(received)
     assert isinstance(estimate, TrackEstimate)
     return estimate
 

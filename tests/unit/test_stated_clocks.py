@@ -42,7 +42,7 @@ class Node:
         self.drift = drift
         self.process = PROCESS
         self.senders = Senders(HOLD_NS)
-        self.dating = Dating(self.senders, HOLD_NS)
+        self.dating = Dating(self.senders)
         self.number = 0
 
     def reads_s(self, true_s: float) -> float:

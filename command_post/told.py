@@ -1,0 +1,62 @@
+"""The newest of what responders' units tell and is not fused: alarms, health, movements (pure).
+
+It is taken in at once: an alarm waits for nobody.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from shared.messages import Alarm, AlarmKind, Message, NodeHealth, OdometryIncrement
+
+
+class RaisedAlarm(NamedTuple):
+    """What an alarm's newest message says, and when that phase was first heard of, post's clock."""
+
+    alarm: Alarm
+    heard_ns: int
+
+
+class LastMovement(NamedTuple):
+    """A responder's newest movement, and when it was heard, on the post's clock."""
+
+    increment: OdometryIncrement
+    heard_ns: int
+
+
+class Told:
+    """What was told last, by responder; alarms by their kind as well, ``cancelled`` ones too."""
+
+    def __init__(self) -> None:
+        self.alarms: dict[str, dict[AlarmKind, RaisedAlarm]] = {}
+        self.health: dict[str, NodeHealth] = {}
+        self.movements: dict[str, LastMovement] = {}
+
+    def take(self, node_id: str, message: Message, now_ns: int) -> None:
+        """Keep ``message``, heard at ``now_ns``, if it is the newest of its kind."""
+        match message:
+            case Alarm():
+                of_node = self.alarms.setdefault(node_id, {})
+                known = of_node.get(message.kind)
+                if known is None or _is_newer(message, known.alarm):
+                    goes_on = known is not None and known.alarm.phase == message.phase
+                    heard_ns = known.heard_ns if known is not None and goes_on else now_ns
+                    of_node[message.kind] = RaisedAlarm(message, heard_ns)
+            case NodeHealth():
+                said = self.health.get(node_id)
+                if said is None or _is_newer(message, said):
+                    self.health[node_id] = message
+            case OdometryIncrement():
+                last = self.movements.get(node_id)
+                if last is None or _is_newer(message, last.increment):
+                    self.movements[node_id] = LastMovement(message, now_ns)
+
+
+def _is_newer(message: Message, known: Message) -> bool:
+    """Whether ``message`` was sent after ``known``, of the same key.
+
+    A sender that begins anew numbers from 0 again, one whose clock is set back counts on: either
+    order is believed, for what is neither later nor further is a repeat.
+    """
+    later = message.event_time_ns > known.event_time_ns
+    return later or message.sequence > known.sequence
