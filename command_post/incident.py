@@ -41,6 +41,7 @@ from shared.messages import (
     OrderRequest,
     PositionFix,
     ProximityEvent,
+    Receipt,
     RssiPeak,
     TrackEstimate,
     TrackStart,
@@ -237,9 +238,9 @@ class Incident:
         """When something is due next, were nothing heard until then."""
         return self._time_line.due_ns
 
-    def said(self, order: Order) -> Outgoing:
-        """Return an order as it was to be published."""
-        return self._outgoing(order, "order")
+    def said(self, message: Order | Receipt) -> Outgoing:
+        """Return an order or a receipt as it is to be published."""
+        return self._outgoing(message, "order" if isinstance(message, Order) else "receipt")
 
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""

@@ -25,6 +25,7 @@ from command_post.reception import Reception
 from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
+from command_post.safekeeping import Safekeeping
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
@@ -113,7 +114,6 @@ class Post:
         self._bus = bus
         self._incident = incident
         self._recorder = recorder
-        self._recorded = RecordedIncident(incident, recorder)
         self._own_clock = clock
         self._clock = PacedClock(clock)
         self._passed_ns = 0
@@ -126,6 +126,8 @@ class Post:
         self._outbox = outbox
         self._meet = meet
         self._sign = sign
+        self._safekeeping = Safekeeping(self._gate, recorder)
+        self._recorded = RecordedIncident(incident, recorder, self._safekeeping.lose)
         self._inbox = FairInbox[_Heard](INBOX_MESSAGES, INBOX_BYTES)
         self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
@@ -150,6 +152,7 @@ class Post:
         """
         began_s = time.monotonic()
         resumed = resume(recording, self._incident, self._recall)
+        self._passed_ns = resumed.last_ns
         self._incident.take_notices()
         self._recorder.mark_resumed(self._clock.now_ns())
         for time_ns, key, payload in resumed.unrecorded:
@@ -196,6 +199,7 @@ class Post:
             self._handle_all(heard)
             if not heard:
                 self._pass_time()
+            self._give_receipts()
             if time.monotonic() >= next_show_s:
                 self._repeat_orders()
                 self._tell_comings()
@@ -247,6 +251,11 @@ class Post:
                 for responder_id, estimate in estimates
             },
         )
+
+    def _give_receipts(self) -> None:
+        with self._reception.at_gate:
+            receipts = self._safekeeping.receipts(time.monotonic(), self._clock.now_ns())
+        self._publish([self._incident.said(receipt) for receipt in receipts])
 
     def _hear(self, received: Received) -> None:
         self._inbox.put(_Heard(*received, self._own_clock.now_ns()))

@@ -36,7 +36,9 @@ class Reception:
 
     def __init__(self, gate: Gate, inbox: FairInbox[Any]) -> None:
         self._gate = gate
-        self._at_gate = Lock()
+        self.at_gate = Lock()
+        """To be held by whoever else asks the gate anything, or tells it."""
+
         self._inbox = inbox
         self._patience = Patience(time.monotonic())
         self._told: set[tuple[str, str]] = set()
@@ -46,7 +48,7 @@ class Reception:
         """Say whether a message is to be recorded and handled; where not, it is counted."""
         key, payload = received
         sender = sender_of(key)
-        with self._at_gate:
+        with self.at_gate:
             why = self._gate.admit(key, payload)
         if why is not None:
             if why != "repeated":
@@ -72,7 +74,7 @@ class Reception:
 
     def missing(self, behind: Mapping[JournalRun, int]) -> list[Missing]:
         """Say what is missing, to the collector's thread."""
-        with self._at_gate:
+        with self.at_gate:
             return self._gate.missing(behind)
 
     def useless(self) -> Counter[str]:

@@ -177,6 +177,13 @@ class Recorder:
         """How many of them, the first ones, would survive a power cut."""
         return self._safe
 
+    @property
+    def has_room(self) -> bool:
+        """Whether the disk works and the queue is half empty at least."""
+        with self._changed:
+            few = len(self._queue) <= self._queue_messages // 2
+            return few and self._queued_bytes <= self._queue_bytes // 2 and self._fault is None
+
     def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> bool:
         """Have a message recorded, received at ``log_time_ns`` or made then (``outgoing``).
 

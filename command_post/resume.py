@@ -8,10 +8,10 @@ the same of it.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import NamedTuple
 
-from command_post.recording import Incident, Outgoing
+from command_post.recording import Incident
 from shared.codec import Refusal, decode, parse_key
 from shared.mcap_reader import Recording
 from shared.messages import DapEstimate
@@ -29,13 +29,15 @@ class Resumed(NamedTuple):
     """What came of handling again what was recorded.
 
     ``unrecorded`` was made of the last message and is not in the recording. ``differing`` counts
-    what was made otherwise than it was recorded. ``dap_places`` were said last of each DAP.
+    what was made otherwise than it was recorded. ``dap_places`` were said last of each DAP;
+    ``last_ns`` is as of when anything was handled last.
     """
 
     handled: int
     unrecorded: list[Made]
     differing: int
     dap_places: list[Made]
+    last_ns: int
 
 
 def resume(
@@ -47,15 +49,20 @@ def resume(
     """
     made: deque[Made] = deque()
     places: dict[str, Made] = {}
-    handled = differing = 0
-
-    def make(time_ns: int, outgoing: Iterable[Outgoing]) -> None:
-        made.extend(Made(time_ns, each.key, each.payload) for each in outgoing)
-
+    handled = differing = last_ns = 0
     for log_time_ns, _, key, payload, outgoing in recording:
         if outgoing:
             # It may have been made while nothing was heard.
-            make(log_time_ns, incident.pass_time(log_time_ns))
+            step = incident.pass_time(log_time_ns)
+        else:
+            handled += 1
+            recall(key, payload)
+            step = incident.handle(key, payload, log_time_ns)
+        if step or not outgoing:
+            differing += len(made)
+            made = deque(Made(log_time_ns, each.key, each.payload) for each in step)
+        last_ns = log_time_ns
+        if outgoing:
             if made and made[0][1:] == (key, payload):
                 made.popleft()
             else:
@@ -63,13 +70,7 @@ def resume(
             dap_id = _dap_placed(key, payload)
             if dap_id is not None:
                 places[dap_id] = Made(log_time_ns, key, payload)
-            continue
-        differing += len(made)
-        made.clear()
-        handled += 1
-        recall(key, payload)
-        make(log_time_ns, incident.handle(key, payload, log_time_ns))
-    return Resumed(handled, list(made), differing, list(places.values()))
+    return Resumed(handled, list(made), differing, list(places.values()), last_ns)
 
 
 def _dap_placed(key_text: str, payload: bytes) -> str | None:

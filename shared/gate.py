@@ -7,7 +7,7 @@ at an agent before an order is heeded. Whoever refills what was missed asks here
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from shared.codec import MAX_PAYLOAD_BYTES, Refusal, decode, parse_key
@@ -62,6 +62,15 @@ class Missing(NamedTuple):
     in_all: int
 
 
+def numbering(key_text: str, payload: bytes) -> tuple[JournalRun, int] | None:
+    """Return of which journal a message is, and its number there; ``None`` if of none."""
+    key = parse_key(key_text)
+    seal = None if isinstance(key, Refusal) else read_seal(payload)
+    if isinstance(key, Refusal) or seal is None or not TOPICS[key.topic].journalled:
+        return None
+    return JournalRun(key.role, key.node_id, seal.run), seal.number
+
+
 class Gate:
     """Lets each message in once. ``turned`` counts what was not, by reason and node.
 
@@ -98,6 +107,13 @@ class Gate:
         seal = read_seal(payload)
         if not isinstance(key, Refusal) and seal is not None:
             self._take(key, key_text, payload, seal)
+
+    def forget(self, journal: JournalRun, holes: Sequence[Hole]) -> None:
+        """Have come again what was let in and then lost."""
+        numbers = self._journals.get(journal)
+        if numbers is not None:
+            for hole in holes:
+                numbers.forget(hole)
 
     def journal(self, journal: JournalRun) -> ReceivedNumbers | None:
         """Return what has come of a journal; ``None`` if nothing is known of it."""

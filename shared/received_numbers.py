@@ -31,7 +31,7 @@ class ReceivedNumbers:
     def is_new(self, number: int) -> bool:
         """Say whether ``number`` has not come yet, and could be taken."""
         known = number <= self.up_to or number in self._beyond
-        return not known and len(self._beyond) < MOST_BEYOND
+        return not known and (number == self.up_to + 1 or len(self._beyond) < MOST_BEYOND)
 
     def take(self, number: int) -> bool:
         """Take ``number`` in; say whether it is new."""
@@ -57,6 +57,12 @@ class ReceivedNumbers:
         self.highest = max(self.highest, self.up_to)
         self._close_up()
         return missing
+
+    def forget(self, hole: Hole) -> None:
+        """Hold ``hole``, of which all had come, for missing."""
+        self._beyond.update(range(hole.last + 1, self.up_to + 1))
+        self._beyond.difference_update(range(hole.first, hole.last + 1))
+        self.up_to = min(self.up_to, hole.first - 1)
 
     def holes(self) -> Iterator[Hole]:
         """Yield what is missing up to ``highest``, lowest first."""

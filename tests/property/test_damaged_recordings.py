@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 
 from command_post.recording_file import RecordingFile
 from shared.mcap_reader import RecordedMessage, Recording, RecordingError, read_recording
@@ -112,3 +113,31 @@ def test_arbitrary_bytes_after_the_magic_are_reported(junk: bytes) -> None:
     with recording_of(MAGIC + junk) as recording:
         assert list(recording) == []
     assert not recording.report.complete
+
+
+@given(choice=st.data())
+def test_one_cut_anywhere_is_gone_on_with_behind_all_its_whole_chunks(
+    sample: Sample, choice: st.DataObject
+) -> None:
+    """Most cuts are tried where the last chunk is, with its indexes and the file's ending."""
+    last_chunk_at = sample.sizes[-2][0]
+    size = choice.draw(
+        st.integers(0, len(sample.data) - 1) | st.integers(last_chunk_at, len(sample.data) - 1)
+    )
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.mcap"
+        path.with_name("a.mcap.part").write_bytes(sample.data[:size])
+        file = RecordingFile(path, {"incident": "test"}, resume=True)
+        for time_ns, key, payload in traffic(3):
+            file.put(key, payload, time_ns)
+        file.finish()
+        recording = read_recording(path)
+        found = list(recording)
+        with path.open("rb") as stream:
+            indexed = list(make_reader(stream, validate_crcs=True).iter_messages())
+    kept = found[: -len(list(traffic(3)))]
+    whole = max([count for synced, count in sample.sizes if synced <= size], default=0)
+    assert kept == sample.messages[: len(kept)]
+    assert len(kept) >= whole
+    assert recording.report.complete
+    assert len(indexed) == len(found)

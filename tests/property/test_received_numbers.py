@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shared import received_numbers
 from shared.received_numbers import Hole, ReceivedNumbers
 
 numbers = st.integers(1, 40)
@@ -48,3 +50,31 @@ def test_a_hole_between() -> None:
     assert received.take(8)
     received.exist(10)
     assert list(received.holes()) == [Hole(6, 7), Hole(9, 10)]
+
+
+@given(st.sets(numbers), st.integers(1, 40), st.integers(0, 10), st.integers(0, 60))
+def test_what_is_forgotten_is_missing_and_new_again(
+    came: set[int], first: int, more: int, highest: int
+) -> None:
+    received = ReceivedNumbers()
+    for number in came:
+        received.take(number)
+    received.exist(max([highest, first + more]))
+    forgotten = set(range(first, first + more + 1))
+    received.forget(Hole(first, first + more))
+    left = came - forgotten
+    missing = {n for n in range(1, received.highest + 1) if n not in left}
+    assert {n for hole in received.holes() for n in range(hole.first, hole.last + 1)} == missing
+    assert received.missing == len(missing)
+    assert all(received.take(number) for number in sorted(forgotten, reverse=True))
+
+
+def test_the_first_that_is_missing_is_taken_however_many_stand_beyond(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(received_numbers, "MOST_BEYOND", 3)
+    received = ReceivedNumbers()
+    assert [received.take(number) for number in (3, 4, 5, 6)] == [True, True, True, False]
+    assert received.take(1)
+    assert received.take(2)
+    assert received.up_to == 5

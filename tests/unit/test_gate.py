@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from shared.codec import encode
-from shared.gate import Gate, JournalRun, Turned
+from shared.gate import Gate, JournalRun, Turned, numbering
 from shared.messages import Beat, Message, NodeHealth
 from shared.received_numbers import Hole
 from shared.seal import Seal, sealed
@@ -97,3 +97,44 @@ def test_what_is_no_key_of_ours_is_left_to_whoever_counts_it() -> None:
     gate = Gate(_Knows())
     assert gate.admit("clew/v1/fire/responder/r1/weather", b"rain") is None
     assert gate.turned.total() == 0
+
+
+def test_what_is_recalled_has_come_and_is_not_judged_again() -> None:
+    class Nobody:
+        def verdict(self, _key: Key, _key_text: str, _seal: Seal) -> Turned | None:
+            return "unknown_signer"
+
+    gate = Gate(Nobody())
+    live = Unkept(run=LATER_RUN)
+    gate.recall(INCREMENT, sealed(stride_of(0), RUN, 1))
+    gate.recall(INCREMENT, sealed(stride_of(2), RUN, 3))
+    gate.recall(BEAT, live.seal(TOPICS["beat"], BEAT, encode(beat(6))))
+    gate.recall("nobody's", b"?")
+    gate.recall(INCREMENT, b"?")
+    assert [each[:2] for each in gate.missing()] == [
+        (JournalRun("responder", "r1", RUN), Hole(2, 2))
+    ]
+    assert not gate.turned
+
+
+def test_what_is_recalled_of_a_live_run_cannot_be_replayed() -> None:
+    gate, outbox = Gate(), Unkept(run=RUN)
+    first, second = (outbox.seal(TOPICS["health"], HEALTH, health()) for _ in range(2))
+    gate.recall(HEALTH, first)
+    gate.recall(HEALTH, second)
+    assert gate.admit(HEALTH, first) == "replayed"
+    assert gate.admit(HEALTH, second) == "repeated"
+
+
+def test_what_was_lost_after_it_was_let_in_is_missing_again() -> None:
+    gate, journal = Gate(), JournalRun("responder", "r1", RUN)
+    for number in range(1, 6):
+        gate.admit(INCREMENT, sealed(stride_of(0), RUN, number))
+    assert numbering(INCREMENT, sealed(stride_of(0), RUN, 3)) == (journal, 3)
+    assert numbering(HEALTH, sealed(health(), RUN, 3)) is None
+    assert numbering(INCREMENT, stride_of(0)) is None
+    gate.forget(journal, [Hole(3, 4)])
+    gate.forget(JournalRun("responder", "r9", RUN), [Hole(1, 2)])
+    assert [each[:2] for each in gate.missing()] == [(journal, Hole(3, 4))]
+    assert gate.admit(INCREMENT, sealed(stride_of(0), RUN, 3)) is None
+    assert gate.admit(INCREMENT, sealed(stride_of(0), RUN, 5)) == "repeated"

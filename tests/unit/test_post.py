@@ -13,7 +13,9 @@ from msgspec import structs
 from command_post.commands.scoring import read_evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
-from command_post.recording import Recorder
+from command_post.recording import RecordedIncident, Recorder
+from command_post.recording_file import RecordingFile
+from command_post.replay import replay
 from command_post.roster import Roster
 from shared.bus.interface import Bus, Received
 from shared.bus.memory import MemoryNetwork
@@ -24,9 +26,12 @@ from shared.messages import (
     ExerciseStart,
     Message,
     OdometryIncrement,
+    Receipt,
+    SafeUpTo,
     TrackEstimate,
     TrackStart,
 )
+from shared.seal import sealed
 from shared.topics import Key, alive_key
 from shared.units import NS_PER_S
 from tests.waiting import wait_for
@@ -90,11 +95,17 @@ def serving(
 ) -> Iterator[tuple[Bus, ManualClock, list[Roster]]]:
     """Run a post; give the bus of somebody else, the post's clock and what it shows."""
     clock, shown, stop = ManualClock(NOW_NS), list[Roster](), Event()
-    with network.connect() as bus, network.connect() as other, Recorder(path, {}) as recorder:
+    with (
+        network.connect() as bus,
+        network.connect() as other,
+        Recorder(path, {}, resume=True) as recorder,
+    ):
         post = Post(
             bus, Incident(SETTINGS), recorder, clock,
             follows_exercise=follows_exercise, show=shown.append,
         )  # fmt: skip
+        if recorder.unfinished is not None:
+            post.take_up(read_recording(recorder.unfinished))
         alive: set[str] = set()
         other.watch_alive(alive_key("fire", "post", "p"), lambda name, _: alive.add(name))
         thread = Thread(target=post.serve, args=(stop,))
@@ -187,3 +198,50 @@ def test_only_an_exercise_sets_the_clock(tmp_path: Path, follows: bool) -> None:
         wait_for(of_exercise[follows], "the exercise's time in the roster")
     times = {message.log_time_ns for message in read_recording(path)}
     assert (times == {clock.now_ns()}) is not follows
+
+
+def test_what_is_on_the_disk_is_receipted_and_what_is_lost_comes_again(tmp_path: Path) -> None:
+    run = b"\x05" * 8
+    receipts: list[Receipt] = []
+
+    def note(received: Received) -> None:
+        parsed = parse_key(received.key)
+        assert not isinstance(parsed, Refusal)
+        receipt = decode(parsed, received.payload)
+        assert isinstance(receipt, Receipt)
+        receipts.append(receipt)
+
+    with serving(MemoryNetwork(), tmp_path / "a.mcap") as (other, _, _shown):
+        other.subscribe(key("receipt", "post", "p"), note)
+        for number in range(3):
+            other.publish(key("increment"), sealed(stride(number), run, number + 1))
+        wait_for(lambda: receipts, "a receipt")
+    assert receipts[0].safe == (SafeUpTo(role="responder", node_id="r1", run=run.hex(), number=3),)
+    assert not any("receipt" in name for name in recorded_keys(tmp_path / "a.mcap"))
+
+
+def test_a_post_that_was_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+    path, network, run = tmp_path / "a.mcap", MemoryNetwork(), b"\x05" * 8
+    file = RecordingFile(path, {})
+    incident = RecordedIncident(Incident(SETTINGS), file)
+    incident.handle(key("start"), start(), NOW_NS)
+    for number in range(3):
+        incident.handle(key("increment"), sealed(stride(number), run, number + 1), NOW_NS)
+    file.sync()
+    file.abandon()
+    said: list[Received] = []
+    with serving(network, path) as (other, clock, shown):
+        other.subscribe(key("track", "post", "p"), said.append)
+        # By now nobody waits any more for the unit to say how far its clock is off.
+        clock.set_ns(NOW_NS + 60 * NS_PER_S)
+        # One that came before, and one that is new.
+        other.publish(key("increment"), sealed(stride(2), run, 3))
+        other.publish(key("increment"), sealed(stride(3), run, 4))
+        wait_for(lambda: len(said) == 4, "an estimate for each stride")
+        wait_for(lambda: shown and shown[-1].responders, "the responder in the roster")
+    assert [estimate_in(each).sequence for each in said] == [1, 2, 3, 4]
+    assert estimate_in(said[-1]).north_m > 4.0
+    assert recorded_keys(path).count("responder/r1/increment") == 4
+    report = replay(path, Incident(SETTINGS))
+    assert report.identical, report
+    assert report.reading.resumed_count == 1

@@ -136,6 +136,86 @@ def test_when_the_disk_fails_the_program_goes_on_and_the_record_so_far_stays(
     assert next(m.payload for m in read_recording(tmp_path / "a.mcap.part")) == b"safe"
 
 
+class FailingDisk:
+    """The sync of every file fails while ``why`` is set."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.why: int | None = None
+        self.failures = 0
+        sync = RecordingFile.sync
+
+        def sync_or_fail(file: RecordingFile) -> None:
+            if self.why is not None:
+                self.failures += 1
+                raise OSError(self.why, os.strerror(self.why))
+            sync(file)
+
+        monkeypatch.setattr(RecordingFile, "sync", sync_or_fail)
+
+
+@pytest.mark.parametrize("why", [errno.ENOSPC, errno.EROFS, errno.EIO])
+def test_once_the_disk_recovers_nothing_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, why: int
+) -> None:
+    disk = FailingDisk(monkeypatch)
+    sent = list(traffic(30))
+    recorder = Recorder(tmp_path / "a.mcap", {}, retry_s=0.01, monotonic_ns=hurried())
+    for time_ns, key, payload in sent[:30]:
+        recorder.put(key, payload, time_ns)
+    wait_until(lambda: recorder.safe == 30)
+    disk.why = why
+    for time_ns, key, payload in sent[30:60]:
+        recorder.put(key, payload, time_ns)
+    wait_until(lambda: disk.failures > 3)
+    status = recorder.status()
+    assert os.strerror(why) in (status.fault or "")
+    assert (status.dropped, recorder.safe, recorder.taken) == (0, 30, 60)
+    assert not recorder.has_room
+    disk.why = None
+    wait_until(lambda: recorder.safe == 60)
+    wait_until(lambda: recorder.status().fault is None)
+    assert recorder.has_room
+    for time_ns, key, payload in sent[60:]:
+        recorder.put(key, payload, time_ns)
+    assert recorder.close() == (0, len(sent), 0, None)
+    assert recorder.safe == len(sent)
+    recording = read_recording(tmp_path / "a.mcap")
+    assert [(m.log_time_ns, m.key, m.payload) for m in recording] == sent
+    assert recording.report.complete
+
+
+def test_what_found_no_room_while_the_disk_failed_is_counted_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = FailingDisk(monkeypatch)
+    recorder = Recorder(
+        tmp_path / "a.mcap", {}, retry_s=0.01, queue_messages=4, monotonic_ns=hurried()
+    )
+    disk.why = errno.ENOSPC
+    recorder.put("key", b"0", 0)
+    wait_until(lambda: disk.failures > 1)
+    taken = [recorder.put("key", b"%d" % number, number) for number in range(1, 20)]
+    disk.why = None
+    wait_until(lambda: recorder.status().fault is None)
+    assert recorder.put("key", b"after", 99)
+    recorder.close()
+    recording = read_recording(tmp_path / "a.mcap")
+    kept = [b"%d" % number for number, is_kept in enumerate([True, *taken]) if is_kept]
+    assert [message.payload for message in recording] == [*kept, b"after"]
+    assert recording.report.dropped_count == taken.count(False) >= 15
+
+
+def test_it_says_what_is_safe_and_never_too_much(tmp_path: Path, gate: Gate) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", {}, monotonic_ns=hurried())
+    recorder.put("key", b"0", 0)
+    recorder.put("key", b"1", 0)
+    assert (recorder.taken, recorder.safe) == (2, 0)
+    gate.opened.set()
+    wait_until(lambda: recorder.safe == 2)
+    assert len(list(read_recording(tmp_path / "a.mcap.part"))) == 2
+    recorder.close()
+
+
 KILLED = """
 import sys
 from pathlib import Path
