@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from threading import Event
 from typing import Annotated
@@ -30,6 +30,7 @@ from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
 from command_post.roster import Roster
 from command_post.table import roster_table
+from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import SystemClock
 from shared.config import ConfigError, checked
@@ -129,6 +130,7 @@ def run(
         listened = [listen or local_endpoint(bundle)]
         with (
             stop_on_signals() as stop,
+            nullcontext() if bundle is None else RefusedLinks(),
             open_zenoh("router", listen=listened, bundle=bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,
         ):

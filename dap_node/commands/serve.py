@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from threading import Event
 from typing import Annotated, NamedTuple
@@ -17,6 +18,7 @@ from dap_node.scanners.observation import Observation, SetDown
 from dap_node.scanners.simulated import SimulatedScanner
 from dap_node.settings import DapSettings
 from shared.bus.interface import Bus
+from shared.bus.refused_links import RefusedLinks
 from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import Clock, ManualClock, PacedClock, SystemClock
@@ -114,6 +116,7 @@ def run(
         with (
             stop_on_signals() as stop,
             JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
+            nullcontext() if bundle is None else RefusedLinks(),
             open_zenoh("router", dialled, listened, bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,
         ):

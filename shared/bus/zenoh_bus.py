@@ -2,8 +2,8 @@
 
 The settings (``zenoh_settings``) are measured ones. Live data is put with congestion control DROP,
 since a blocking put stalls for seconds on a half-open link and then loses the rest without a word.
-Zenoh's own log, which can only go to standard output, is never turned on; what its handlers raise
-comes through ``logging``.
+Zenoh's own log, which can only go to standard output, is turned on in ``refused_links`` alone; what
+its handlers raise comes through ``logging``.
 """
 
 from __future__ import annotations

@@ -1,0 +1,84 @@
+"""Refused links are counted by reason, and told."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import ssl
+import subprocess
+import sys
+from contextlib import suppress
+from datetime import timedelta
+from functools import partial
+from pathlib import Path
+
+import pytest
+from structlog.testing import capture_logs
+
+from shared.bus.refused_links import RefusedLinks
+from shared.bus.zenoh_bus import open_zenoh
+from shared.process import ExitCode
+from tests.bus.test_zenoh import free_endpoint, port_of
+from tests.issued_keys import Keys, now
+from tests.waiting import DEADLINE_S, wait_for
+
+
+def is_told(log: Path, reason: str) -> bool:
+    return f"reason={reason}" in log.read_text()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no such pipes")
+def test_a_dap_tells_of_all_that_it_refused(tmp_path: Path) -> None:
+    keys = Keys(tmp_path / "keys", ["dap1", "r1"])
+    endpoint, log, out = free_endpoint().replace("tcp", "tls"), tmp_path / "log", tmp_path / "out"
+    command = [sys.executable, "-m", "dap_node", "run", "--id", "dap1", "--await-start",
+               "--keys", str(keys["dap1"].folder), "--scan", "simulated:four_daps",
+               "--journal", str(tmp_path / "dap1.journal"),
+               "--listen", endpoint, "--connect", "tls/127.0.0.1:9"]  # fmt: skip
+    with (
+        log.open("wb") as logged,
+        out.open("wb") as said,
+        subprocess.Popen(command, stderr=logged, stdout=said) as dap,
+    ):
+        try:
+            wait_for(lambda: "session open" in log.read_text(), "the DAP")
+            keys.issue("late")
+            expired = keys.date("r1", end=now() - timedelta(days=1))
+            foreign = Keys(tmp_path / "others", ["r1"])["r1"]
+            port = port_of(endpoint)
+            with socket.create_connection(("127.0.0.1", port)) as plain:
+                plain.sendall(b"GET / HTTP/1.0\r\n\r\n")
+            trusting = ssl.create_default_context(cafile=str(keys["dap1"].folder / "authority.pem"))
+            with (
+                suppress(ssl.SSLError),
+                socket.create_connection(("127.0.0.1", port)) as plain,
+                trusting.wrap_socket(plain, server_hostname="localhost") as nameless,
+            ):
+                nameless.recv(1)
+            for bundle, reason in (
+                (expired, "expired"), (keys["late"], "not_named"),
+                (foreign, "does_not_accept_ours"),
+            ):  # fmt: skip
+                with open_zenoh("client", [endpoint], bundle=bundle):
+                    wait_for(partial(is_told, log, reason), reason)
+            dap.send_signal(signal.SIGTERM)
+            assert dap.wait(DEADLINE_S) == ExitCode.OK
+        finally:
+            dap.kill()
+    ended = [line for line in log.read_text().splitlines() if "links refused in all" in line]
+    for reason in ("not_tls", "no_certificate", "expired", "not_named", "does_not_accept_ours"):
+        assert any(f"reason={reason}" in line for line in ended), (reason, ended)
+    assert out.read_bytes() == b""
+
+
+def test_it_is_told_at_powers_of_ten_and_not_each_time() -> None:
+    links = RefusedLinks()
+    with capture_logs() as logs:
+        for _ in range(150):
+            links.note("WARN invalid peer certificate: UnknownIssuer. Hint: ...")
+        links.note("something else")
+    assert [(each["reason"], each["count"]) for each in logs] == [
+        ("foreign", 1), ("foreign", 10), ("foreign", 100),
+    ]  # fmt: skip
+    assert links.counts == {"foreign": 150}
