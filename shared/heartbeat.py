@@ -35,12 +35,13 @@ class Heartbeat:
         *,
         verifier: Verifier | None = None,
         now_ns: Callable[[], TimeNs] = time.time_ns,
-        clock_statement: Callable[[], ClockStatement | None] = lambda: None,
+        clock_statement: Callable[[bytes], ClockStatement | None] = lambda _: None,
     ) -> None:
         """Answer for the journal from now on.
 
         ``now_ns``: the clock that the node dates by; ``clock_statement``: what it knows of that
-        clock. ``verifier`` tells whose receipts are heeded: without one, everybody's.
+        clock, for the journal of a run. ``verifier`` tells whose receipts are heeded: without one,
+        everybody's.
         """
         self._now_ns = now_ns
         self._bus = bus
@@ -64,7 +65,6 @@ class Heartbeat:
         for received in self._receipts.get_all():
             self._heed(received)
         self._outbox.tend()
-        clock = self._clock_statement()
         for holding in self._outbox.holdings():
             self._sender.send(
                 Beat(
@@ -74,7 +74,7 @@ class Heartbeat:
                     last_number=holding.last_number,
                     kept_from=holding.kept_from,
                     acknowledged=holding.acknowledged,
-                    clock=clock,
+                    clock=self._clock_statement(holding.run),
                 )
             )
 

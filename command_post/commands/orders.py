@@ -110,7 +110,7 @@ def click(
         )  # fmt: skip
 
     return _say(
-        fix, Sayer(incident, commander_id, connect, keys, insecure), "--responder", responder
+        fix, Sayer(incident, commander_id, connect, keys, insecure), "--responder", (responder,)
     )
 
 

@@ -30,6 +30,7 @@ from shared.heartbeat import Heartbeat
 from shared.introductions import Introductions
 from shared.journal_place import JournalFile, journal_path
 from shared.messages import NodeId, TimeNs
+from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
@@ -126,7 +127,10 @@ def run(
                 bus, incident, dap_id, outbox, introductions.signers, PacedClock(SystemClock()),
                 SystemClock().now_ns(), stop,
             )  # fmt: skip
-            with at_work.heartbeat():
+            with (
+                NodeTime(bus, incident, at_work.clock, outbox, kept, at_work.verifier) as node_time,
+                at_work.heartbeat(node_time),
+            ):
                 _serve(at_work, settings, scanner, None if await_start else speed)
     except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
@@ -148,11 +152,11 @@ class _AtWork(NamedTuple):
 
     stop: Event
 
-    def heartbeat(self) -> Heartbeat:
+    def heartbeat(self, node_time: NodeTime) -> Heartbeat:
         """Return the DAP's, which answers for its journal."""
         return Heartbeat(
             self.bus, self.incident, "dap", self.dap_id, self.outbox,
-            verifier=self.verifier, now_ns=self.clock.now_ns,
+            verifier=self.verifier, now_ns=self.clock.now_ns, clock_statement=node_time.statement,
         )  # fmt: skip
 
 

@@ -15,6 +15,8 @@ from edge_agent.agent import Agent
 from edge_agent.commands.prepare import prepared_mount
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName
+from edge_agent.order_desk import OrderDesk, acknowledge_on_signal, tell_wearer
+from edge_agent.orders import OrderBook
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
@@ -28,6 +30,7 @@ from shared.heartbeat import Heartbeat
 from shared.introductions import Introductions
 from shared.journal_place import JournalFile, journal_path
 from shared.messages import LocalPosition, NodeId, TimeNs, TrackStart
+from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
@@ -69,6 +72,7 @@ def run(
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     imu: bool = True,
     journal: JournalFile = None,
+    post_id: Annotated[str, Parameter(name="--post")] = "post",
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -112,6 +116,8 @@ def run(
     journal
         File that keeps what is said until the post has it; by default one of this responder's in
         the incident, among what programs keep for the user.
+    post_id
+        Whose orders are heeded. They are told on standard output; SIGUSR1 acknowledges them.
     await_start
         Begin with the exercise, at its speed, and stay until stopped.
     with_parent
@@ -130,6 +136,7 @@ def run(
         kept = journal_path(journal, incident, "responder", responder_id)
         with (
             stop_on_signals() as stop,
+            acknowledge_on_signal() as acknowledged,
             JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
             open_zenoh("client", connect=dialled, bundle=bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,
@@ -147,7 +154,11 @@ def run(
                 agent, bus, incident, responder_id, outbox, introductions.signers,
                 PacedClock(SystemClock()), SystemClock().now_ns(), stop,
             )  # fmt: skip
-            with unit.heartbeat():
+            with (
+                NodeTime(bus, incident, unit.clock, outbox, kept, unit.verifier) as node_time,
+                unit.heartbeat(node_time),
+                unit.order_desk(check_id(post_id, "--post"), acknowledged),
+            ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
                 if await_start:
                     _take_part(unit, opened)
@@ -175,11 +186,19 @@ class _Unit(NamedTuple):
 
     stop: Event
 
-    def heartbeat(self) -> Heartbeat:
+    def heartbeat(self, node_time: NodeTime) -> Heartbeat:
         """Return the unit's, which answers for its journal."""
         return Heartbeat(
             self.bus, self.incident, "responder", self.responder_id, self.outbox,
-            verifier=self.verifier, now_ns=self.clock.now_ns,
+            verifier=self.verifier, now_ns=self.clock.now_ns, clock_statement=node_time.statement,
+        )  # fmt: skip
+
+    def order_desk(self, post_id: NodeId, acknowledged: Event) -> OrderDesk:
+        """Return where the orders of the post ``post_id`` come in."""
+        sender = Sender(self.bus, self.incident, "responder", self.responder_id, self.outbox)
+        return OrderDesk(
+            self.bus, self.incident, OrderBook(self.responder_id, post_id), sender,
+            Gate(self.verifier), self.clock, acknowledged, tell_wearer,
         )  # fmt: skip
 
     def wait_until_safe(self) -> None:

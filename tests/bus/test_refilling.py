@@ -38,7 +38,7 @@ class Node:
         self.sender = Sender(self.bus, "fire", "responder", name, self.outbox)
         self.heartbeat = Heartbeat(
             self.bus, "fire", "responder", name, self.outbox,
-            now_ns=lambda: 42, clock_statement=lambda: STATEMENT,
+            now_ns=lambda: 42, clock_statement=lambda _: STATEMENT,
         )  # fmt: skip
         self.journal = JournalRun("responder", name, self.outbox.holdings()[0].run)
 

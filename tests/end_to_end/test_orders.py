@@ -15,10 +15,10 @@ from command_post.__main__ import app
 from command_post.commands import orders
 from shared.codec import Refusal, decode, parse_key
 from shared.mcap_reader import read_recording
-from shared.messages import HeightFix, Message, PositionFix
+from shared.messages import HeightFix, Message, OrderReply, PositionFix
 from shared.process import ExitCode
 from tests.bus.test_zenoh import free_endpoint
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, wait_for
 
 FOR_TEST = ("--insecure", "--incident", "test")
 
@@ -74,6 +74,74 @@ def test_a_click_and_a_floor_are_recorded_by_the_running_post(
     assert isinstance(floor, HeightFix)
     assert (floor.node, floor.node_id) == ("responder", "r1")
     assert floor.sequence > dap.sequence
+
+
+def replies_in(recording: Path) -> list[OrderReply]:
+    found = []
+    for each in read_recording(recording):
+        key = parse_key(each.key)
+        message = key if isinstance(key, Refusal) else decode(key, each.payload)
+        if isinstance(message, OrderReply):
+            found.append(message)
+    return found
+
+
+def test_an_order_goes_to_the_wearer_and_the_acknowledgement_comes_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(orders, "FIND_POST_S", DEADLINE_S)
+    monkeypatch.setattr(orders, "ANSWER_S", DEADLINE_S)
+    endpoint, recording = free_endpoint(), tmp_path / "incident.mcap"
+    run = (*FOR_TEST, "--listen", endpoint, "--record", str(recording))
+    unfinished = recording.with_name("incident.mcap.part")
+    walk = (*FOR_TEST, "--connect", endpoint, "--id", "r1", "--source", "simulated:four_daps",
+            "--journal", str(tmp_path / "r1.journal"), "--no-imu")  # fmt: skip
+    python = (sys.executable, "-m")
+    with (
+        subprocess.Popen([*python, "command_post", "run", *run], stderr=subprocess.PIPE) as post,
+        subprocess.Popen(
+            [*python, "edge_agent", "run", *walk], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        ) as agent,
+    ):
+        try:
+            to_post = (*FOR_TEST, "--connect", endpoint)
+            # It is heard of once its agent has come.
+            wait_for(
+                lambda: (
+                    order("order", "message", "--to", "r1", "--text", "out", *to_post)
+                    == ExitCode.OK
+                ),
+                "the agent to be heard",
+                2 * DEADLINE_S,
+            )
+            assert capsys.readouterr().out.endswith("r1\n")
+            with capture_logs() as logs:
+                code = order("order", "evacuate", "--to", "r7", *to_post)
+            assert code == ExitCode.USAGE
+            assert logs[-1]["event"] == "r7: not heard so far; r1 have been"
+            assert agent.stdout is not None
+            assert agent.stdout.readline() == b"ORDER MESSAGE: out\n"
+            agent.send_signal(signal.SIGUSR1)
+            wait_for(
+                lambda: (
+                    {each.stage for each in replies_in(unfinished)} == {"received", "acknowledged"}
+                ),
+                "the acknowledgement in the recording",
+            )
+            agent.send_signal(signal.SIGTERM)
+            assert agent.wait(DEADLINE_S) == ExitCode.OK
+            post.send_signal(signal.SIGTERM)
+            assert post.wait(DEADLINE_S) == ExitCode.OK
+        finally:
+            agent.kill()
+            post.kill()
+
+
+@pytest.mark.parametrize("rest", [(), ("--to", "r1", "--all"), ("--to", "r/1")])
+def test_whom_an_order_is_for_is_to_be_said(rest: tuple[str, ...]) -> None:
+    with capture_logs() as logs:
+        assert order("order", "roll-call", "--insecure", *rest) == ExitCode.USAGE
+    assert "--to" in logs[-1]["event"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,136 @@
+"""Where orders come in: told to the wearer, and replied to, on a thread of its own."""
+
+from __future__ import annotations
+
+import _thread
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Literal, Self
+
+import structlog
+from rich.console import Console
+
+from edge_agent.orders import OrderBook
+from shared.bus.inbox import Inbox
+from shared.bus.interface import Bus, Received
+from shared.clock import Clock
+from shared.codec import Refusal, decode, parse_key
+from shared.gate import Gate
+from shared.messages import NodeId, Order, OrderReply
+from shared.sender import Sender
+from shared.topics import Key
+
+POLL_S = 0.2
+MOST_ORDERS = 1024
+"""Orders that wait to be read; the post says again what was lost."""
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+class OrderDesk:
+    """Tells the wearer what the post orders, and the post that they were told, and understood.
+
+    ``acknowledged`` is set when the wearer says so: all that they were told until then is.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        incident: NodeId,
+        book: OrderBook,
+        sender: Sender,
+        gate: Gate,
+        clock: Clock,
+        acknowledged: threading.Event,
+        tell: Callable[[Order], None],
+    ) -> None:
+        self._book = book
+        self._sender = sender
+        self._gate = gate
+        self._clock = clock
+        self._acknowledged = acknowledged
+        self._tell = tell
+        self._inbox: Inbox[Received] = Inbox(MOST_ORDERS)
+        self._stop = threading.Event()
+        # No daemon: it is inside Zenoh when it replies.
+        self._thread = threading.Thread(target=self._run, name="orders", daemon=False)
+        bus.subscribe(str(Key(incident, "post", "*", "order")), self._inbox.put)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def attend(self, wait_s: float = 0.0) -> None:
+        """Heed what has come, within ``wait_s`` at most, and what the wearer acknowledges."""
+        for received in self._inbox.get_all(wait_s):
+            self._heed(received)
+        if self._acknowledged.is_set():
+            self._acknowledged.clear()
+            for order in self._book.acknowledge():
+                self._reply(order, "acknowledged")
+                _log.info("acknowledged", order=order.kind, number=order.sequence)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self.attend(POLL_S)
+
+    def _heed(self, received: Received) -> None:
+        key = parse_key(received.key)
+        if isinstance(key, Refusal) or self._gate.admit(*received) is not None:
+            return
+        order = decode(key, received.payload)
+        if not isinstance(order, Order):
+            return
+        if self._book.take(key, order):
+            self._tell(order)
+            self._reply(order, "received")
+        elif key.node_id != self._book.post_id and self._book.strangers == 1:
+            _log.warning("an order of somebody else than the post is not heeded", of=key.node_id)
+
+    def _reply(self, order: Order, stage: Literal["received", "acknowledged"]) -> None:
+        self._sender.send(
+            OrderReply(
+                event_time_ns=self._clock.now_ns(),
+                sequence=self._sender.next_sequence(OrderReply),
+                post_id=self._book.post_id,
+                order_sequence=order.sequence,
+                stage=stage,
+            )
+        )
+
+
+def tell_wearer(order: Order) -> None:
+    """Tell the wearer an order: a line on standard output, for whatever speaks or shows it."""
+    kind = order.kind.replace("_", " ").upper()
+    text = f": {order.text}" if order.text else ""
+    Console().print(f"ORDER {kind}{text}", highlight=False, markup=False, soft_wrap=True)
+    _log.warning("order", kind=order.kind, text=order.text, number=order.sequence)
+
+
+@contextmanager
+def acknowledge_on_signal() -> Iterator[threading.Event]:
+    """Give an event that SIGUSR1 sets: what a button on the unit is to send to the agent.
+
+    To be entered in the main thread. Where there is no such signal (Windows) nothing sets it.
+    """
+    acknowledged = threading.Event()
+    if not hasattr(signal, "SIGUSR1"):
+        yield acknowledged
+        return
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        # The main thread may be inside this very event, holding its lock.
+        _thread.start_new_thread(acknowledged.set, ())
+
+    former = signal.signal(signal.SIGUSR1, note)
+    try:
+        yield acknowledged
+    finally:
+        signal.signal(signal.SIGUSR1, former)
