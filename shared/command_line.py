@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from shared.process import ExitCode, LogLevel, configure_logging, interrupt_on_signals
+from shared.process import ExitCode, LogLevel, configure_logging, interrupt_on_signals, leave
 
 _EVERYWHERE = Group("Logging")
 
@@ -25,10 +25,10 @@ def run_command_line(app: App) -> None:
     try:
         code = app.meta(sys.argv[1:], exit_on_error=False, result_action="return_value")
     except CycloptsError:
-        sys.exit(ExitCode.USAGE)
+        code = ExitCode.USAGE
     except KeyboardInterrupt:
-        sys.exit(ExitCode.INTERRUPTED)
-    sys.exit(code if isinstance(code, int) else ExitCode.OK)
+        code = ExitCode.INTERRUPTED
+    leave(code if isinstance(code, int) else ExitCode.OK)
 
 
 def _with_logging(app: App) -> Callable[..., object]:

@@ -10,10 +10,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from types import FrameType
-from typing import Literal, TypeAlias
+from typing import Literal, NoReturn, TypeAlias
 
 import structlog
 
@@ -26,6 +26,9 @@ IMPATIENCE_S = 0.5
 
 AGAIN_S = 0.02
 """When an interruption that was lost is tried again."""
+
+NOT_WAITED_FOR = frozenset({"zenoh-open", "zenoh-close"})
+"""Names of threads that may still be inside a link when the program is at its end."""
 
 LONGEST_WAIT_S = 0.5
 """So that a clock that is set meanwhile is noticed, and Ctrl-C where a wait cannot be broken."""
@@ -135,6 +138,40 @@ def stop_on_signals() -> Iterator[threading.Event]:
     finally:
         for number, handler in former.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Within the block, SIGINT and SIGTERM end the process on the spot.
+
+    For what holds nothing that would have to be given back, and cannot be interrupted: the building
+    of machine code heeds no handler for seconds. To be entered in the main thread; elsewhere
+    nothing is changed.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    former = {number: signal.signal(number, signal.SIG_DFL) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
+
+
+def leave(code: int) -> NoReturn:
+    """End the process with ``code``, without waiting for threads of ``NOT_WAITED_FOR``.
+
+    A link that answers nobody holds one for seconds: what it was to do is past.
+    """
+    if any(thread.name in NOT_WAITED_FOR for thread in threading.enumerate()):
+        logging.shutdown()
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def interrupt_on_signals() -> None:

@@ -44,7 +44,13 @@ from shared.files import (
 from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.mcap_reader import RecordingError, read_recording
-from shared.process import ExitCode, quieten_logging, stop_on_signals, stop_with_parent
+from shared.process import (
+    ExitCode,
+    ended_by_signals,
+    quieten_logging,
+    stop_on_signals,
+    stop_with_parent,
+)
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.sender import Unkept
@@ -126,7 +132,8 @@ def run(
         )
         bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
         address = None if metrics is None else metrics_address(metrics, bundle)
-        make_ready(settings.fusion)
+        with ended_by_signals():
+            make_ready(settings.fusion)
         listened = [listen or local_endpoint(bundle)]
         with (
             stop_on_signals() as stop,
@@ -151,7 +158,9 @@ def run(
                     metrics=figures, remarks=() if refused is None else (refused,),
                 )  # fmt: skip
                 if recorder.unfinished is not None:
-                    post.take_up(read_recording(recorder.unfinished))
+                    # It can be broken off: the recording stays as it is, to be gone on with.
+                    with ended_by_signals():
+                        post.take_up(read_recording(recorder.unfinished))
                 return _serve(post, recorder, stop)
     except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))

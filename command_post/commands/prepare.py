@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from command_post.fusion.methods import prepare_fusion
 from command_post.fusion.settings import FusionSettings
-from shared.process import ExitCode, end_with_parent
+from shared.process import ExitCode, end_with_parent, ended_by_signals
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -29,7 +29,8 @@ def prepare(*, with_parent: Annotated[bool, Parameter(show=False)] = False) -> i
     """
     if with_parent:
         end_with_parent()
-    make_ready(FusionSettings())
+    with ended_by_signals():
+        make_ready(FusionSettings())
     return ExitCode.OK
 
 

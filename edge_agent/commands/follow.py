@@ -34,6 +34,7 @@ from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
+    ended_by_signals,
     stop_on_signals,
     stop_with_parent,
     wait_until,
@@ -129,7 +130,8 @@ def run(
         check_id(responder_id, "--id")
         bundle = open_keys(keys, Identity("responder", responder_id), insecure=insecure)
         # A sensor that is read already would wait, or lose, what comes while code is built.
-        mount = prepared_mount(method, dominant_direction=dominant_direction)
+        with ended_by_signals():
+            mount = prepared_mount(method, dominant_direction=dominant_direction)
         opened = open_source(source, responder_id, seed)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         dialled = connect or (local_endpoint(bundle),)

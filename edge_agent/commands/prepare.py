@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from edge_agent.mounts.interface import Mount
 from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, is_built, make_mount
-from shared.process import ExitCode, end_with_parent
+from shared.process import ExitCode, end_with_parent, ended_by_signals
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -35,7 +35,8 @@ def prepare(
     """
     if with_parent:
         end_with_parent()
-    prepared_mount(method)
+    with ended_by_signals():
+        prepared_mount(method)
     return ExitCode.OK
 
 

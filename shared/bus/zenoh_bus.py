@@ -34,7 +34,8 @@ from shared.topics import Priority
 log = structlog.stdlib.get_logger(__name__)
 
 OPEN_PAUSE_S = 0.2
-CLOSE_S = 1.8
+CLOSE_S = 1.0
+LOCATORS_S = 2.0
 
 _PRIORITIES: dict[Priority, zenoh.Priority] = {
     "high": zenoh.Priority.INTERACTIVE_HIGH,
@@ -134,7 +135,7 @@ class ZenohBus:
         if session is None:
             return ()
         found: list[str] = []
-        for reply in session.get(f"@/{session.zid()}/router", timeout=CLOSE_S):
+        for reply in session.get(f"@/{session.zid()}/router", timeout=LOCATORS_S):
             if reply.ok is not None:
                 found += json.loads(reply.ok.payload.to_bytes())["locators"]
         return tuple(found)
@@ -264,15 +265,19 @@ class ZenohBus:
                 told = True
                 self._closing.wait(OPEN_PAUSE_S)
             else:
-                self._adopt(session)
+                if not self._adopt(session):
+                    session.close()  # type: ignore[no-untyped-call]
                 return
 
-    def _adopt(self, session: zenoh.Session) -> None:
-        """Declare in ``session`` what has been asked for, and use it from now on."""
+    def _adopt(self, session: zenoh.Session) -> bool:
+        """Declare in ``session`` what has been asked for, and use it; not if closed meanwhile."""
         with self._lock:
+            if self._closing.is_set():
+                return False
             self._declared = [declare(session) for declare in self._declarations]
             self._session = session
         log.info("session open", zid=str(session.zid()))
+        return True
 
     def _declare(self, declare: Callable[[zenoh.Session], _Undeclarable]) -> None:
         with self._lock:
@@ -297,8 +302,6 @@ class ZenohBus:
 
     def _shut(self) -> None:
         """Undeclare first: a callback still declared when the program ends would hang it."""
-        if self._opener.is_alive():
-            self._opener.join()
         with self._lock:
             session, self._session = self._session, None
             undeclarables = [*self._publishers.values(), *reversed(self._declared)]
