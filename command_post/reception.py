@@ -20,8 +20,8 @@ from shared.topics import TOPICS
 MOST_TOLD = 4096
 """What is told once of each sender, of how many."""
 
-ITS_OWN_FAULT: frozenset[Turned] = frozenset({"replayed", "too_many_runs"})
-"""Of what is turned away, what the node must have said: the rest anybody may have in its name."""
+ITS_OWN_FAULT: frozenset[Turned] = frozenset({"too_many_runs"})
+"""Of what is turned away, what the node must have said itself, and now."""
 
 OTHER = "?"
 
