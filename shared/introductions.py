@@ -19,6 +19,7 @@ from shared.messages import NodeId
 from shared.security.bundle import Bundle
 from shared.security.certificates import Identity
 from shared.security.verifier import KnownSigners
+from shared.token_bucket import TokenBucket
 from shared.topics import ROLES, certificate_key
 
 POLL_S = 0.2
@@ -27,6 +28,8 @@ ASK_AGAIN_S = 3.0
 """Who did not answer is asked again so much later."""
 
 MOST_ASKED = 4096
+MOST_AT_ONCE, MOST_PER_S = 1000.0, 100.0
+"""Introductions that are looked into: who is missed is asked later, when something is heard."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -51,6 +54,7 @@ class Introductions:
         self._bundle = bundle
         self._lock = threading.Lock()
         self._asked_s: OrderedDict[Identity, float] = OrderedDict()
+        self._looked_into = TokenBucket(MOST_PER_S, MOST_AT_ONCE, time.monotonic())
         self._stop = threading.Event()
         # No daemon: it is inside Zenoh when it asks.
         self._thread = threading.Thread(target=self._run, name="introductions", daemon=False)
@@ -70,6 +74,11 @@ class Introductions:
         self._stop.set()
         if self._thread.ident is not None:
             self._thread.join()
+        refused = {} if self.signers is None else self.signers.refused
+        for (reason, node_id), count in sorted(refused.items()):
+            _log.warning(
+                "certificates of no use in all", reason=reason, shown_as=node_id, count=count
+            )
 
     def introduce(self) -> bool:
         """Show the posts who this is, and learn who they are; say whether one answered."""
@@ -91,7 +100,7 @@ class Introductions:
     def _show(self, request: bytes) -> bytes | None:
         if self._bundle is None:
             return None
-        if request:
+        if request and self._looked_into.take(1.0, time.monotonic()):
             self._learn(request, None)
         return self._bundle.certificate.der
 

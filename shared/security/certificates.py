@@ -20,6 +20,8 @@ from shared.units import NS_PER_S
 AUTHORITY_ID = "authority"
 """The authority's own common name: no node can have it."""
 
+MOST_BYTES = 4096
+
 BadCertificate: TypeAlias = Literal["foreign", "renamed", "unreadable"]
 """``foreign``: another authority's; ``renamed``: not of the node that shows it."""
 
@@ -64,6 +66,8 @@ def read_certificate(der: bytes, authority: x509.Certificate) -> NodeCertificate
 
     Whether it is valid now is for whoever knows the time.
     """
+    if len(der) > MOST_BYTES:
+        raise CertificateError("unreadable", f"{len(der)} bytes: no certificate of ours")
     try:
         certificate = x509.load_der_x509_certificate(der)
         certificate.verify_directly_issued_by(authority)

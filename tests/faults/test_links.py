@@ -46,14 +46,14 @@ def assert_refused(locator: str, bundle: Bundle | None) -> None:
     assert "PRIVATE" not in str(logs)
 
 
-def assert_served(router: ZenohBus, bundle: Bundle) -> None:
+def assert_served(router: ZenohBus, bundle: Bundle, key: str = KEY) -> None:
     """A node that does nothing wrong is heard, whatever others have tried."""
     heard: list[str] = []
-    router.subscribe(KEY, lambda received: heard.append(received.key))
+    router.subscribe(key, lambda received: heard.append(received.key))
     with open_zenoh("client", router.locators(), bundle=bundle) as client:
 
         def say() -> bool:
-            client.publish(KEY, b"")
+            client.publish(key, b"")
             return bool(heard)
 
         wait_for(say, "r1 to be heard")
@@ -88,6 +88,14 @@ def test_a_bad_certificate_gets_no_link(
     assert good.identity == identity("r2")
     keys.date("r1")
     assert_served(post, keys["r1"])
+
+
+def test_a_link_ends_with_its_certificate(keys: Keys, post: ZenohBus) -> None:
+    bundle = keys.date("r1", end=now() + timedelta(seconds=3))
+    with open_zenoh("client", post.locators(), bundle=bundle) as client:
+        wait_for(client.connected, "the link")
+        wait_for(lambda: not client.connected(), "the link to end")
+        assert_served(post, keys["r2"], KEY.replace("r1", "r2"))
 
 
 def test_without_certificate_or_encryption_there_is_no_link(keys: Keys, post: ZenohBus) -> None:

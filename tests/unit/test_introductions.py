@@ -88,6 +88,20 @@ def test_a_made_up_introduction_is_counted(crew: Crew) -> None:
     assert post.signers.refused.total() == 1
 
 
+def test_a_flood_of_introductions_is_not_looked_into(
+    crew: Crew, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(introductions, "MOST_AT_ONCE", 5.0)
+    monkeypatch.setattr(introductions, "MOST_PER_S", 0.0)
+    post, stranger = crew.join("post"), crew.network.connect()
+    with capture_logs():
+        for _ in range(50):
+            (answer,) = stranger.query(certificate_key("fire", "post", "*"), 1.0, b"nonsense")
+    assert answer.payload == crew.keys["post"].certificate.der
+    assert post.signers is not None
+    assert post.signers.refused.total() <= 5
+
+
 def test_without_keys_everybody_is_believed(crew: Crew) -> None:
     with Introductions(crew.network.connect(), "fire", None) as alone:
         assert alone.introduce()
