@@ -69,10 +69,15 @@ class Hearing:
         """Return how many strides of a node have come."""
         return len(self.came.get(node_id, ()))
 
-    def lateness_s(self, since_s: float, *, live: bool) -> list[float]:
-        """Return how late strides were that came after ``since_s`` (monotonic), in order."""
+    def lateness_s(self, since_s: float, until_s: float, *, live: bool) -> list[float]:
+        """Return how late strides were that came between two times (monotonic)."""
         every = [came for of_node in self.came.values() for came in tuple(of_node.values())]
-        return sorted(came.late_s for came in every if came.at_s >= since_s and came.live == live)
+        return [c.late_s for c in every if since_s <= c.at_s <= until_s and c.live == live]
+
+    def refilled_s(self) -> float:
+        """Return when the last stride came that had been missed (monotonic)."""
+        every = [came for of_node in self.came.values() for came in tuple(of_node.values())]
+        return max(came.at_s for came in every if not came.live)
 
     def assert_has_all_of(self, journals: Mapping[str, Path]) -> int:
         """Check that what is in each node's journal has come, once; return how much that is."""
