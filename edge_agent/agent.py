@@ -6,6 +6,7 @@ not (rehearsal), and the same messages come out.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import chain
 
 from edge_agent.alarm_repeats import AlarmRepeats
@@ -33,6 +34,8 @@ from shared.units import NS_PER_S
 
 IMU_BATCH_S = 0.25
 MOST_IN_A_BATCH = 500
+MOST_FINDINGS = 16
+NOT_KEPT = "the unit's disk is full or fails: steps out of range are lost if it is switched off"
 
 
 class Agent:
@@ -47,13 +50,16 @@ class Agent:
         *,
         sends_imu: bool = True,
         stands_at: LocalPosition | None = None,
+        keeps: Callable[[], bool] = lambda: True,
     ) -> None:
         """``start``: where the wearer stands at first; ``None`` if the post is to know.
 
         ``stands_at``: a known point where they report to stand then, and how near it.
-        ``sends_imu``: publish the raw samples as well, for the record.
+        ``sends_imu``: publish the raw samples as well, for the record. ``keeps``: whether what is
+        said is on disk, until it is safe elsewhere.
         """
         self._sender = sender
+        self._keeps = keeps
         self._mount = mount
         self._method = method
         self._start = start
@@ -218,12 +224,16 @@ class Agent:
         )
 
     def _send_health(self, report: HealthReport) -> None:
+        level, findings = report.level, report.findings
+        if not self._keeps():
+            level = "warning" if level == "ok" else level
+            findings = (*findings[: MOST_FINDINGS - 1], NOT_KEPT)
         self._sender.send(
             NodeHealth(
                 event_time_ns=report.time_ns,
                 sequence=self._sender.next_sequence(NodeHealth),
-                level=report.level,
-                findings=report.findings,
+                level=level,
+                findings=findings,
             )
         )
 

@@ -147,7 +147,10 @@ def run(
                 stop_with_parent(stop)
             sender = Sender(bus, incident, "responder", responder_id, outbox)
             place = _place(start) or opened.start
-            agent = Agent(sender, mount, method, place, sends_imu=imu, stands_at=known_point)
+            agent = Agent(
+                sender, mount, method, place, sends_imu=imu, stands_at=known_point,
+                keeps=lambda: outbox.fault is None,
+            )  # fmt: skip
             if outbox.broken_off and outbox.newest(sender.key(TrackStart)) is not None:
                 _log.warning("goes on where it was broken off: the post knows where they stand")
                 agent.forget_place()

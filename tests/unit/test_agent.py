@@ -12,7 +12,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from edge_agent.__main__ import app
-from edge_agent.agent import Agent
+from edge_agent.agent import NOT_KEPT, Agent
 from edge_agent.commands.follow import tell_losses
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import make_mount
@@ -27,9 +27,11 @@ from shared.messages import (
     Contact,
     ImuBatch,
     ImuSample,
+    LocalPosition,
     Message,
     NodeHealth,
     OdometryIncrement,
+    PositionFix,
     TrackStart,
     Truth,
     Vector3,
@@ -43,6 +45,7 @@ from tests.simulated_walks import lone_walk
 from tests.synthetic_boot import SyntheticWalk
 
 CORRIDOR = "corridor"
+HERE = LocalPosition(north_m=1.0, east_m=2.0, down_m=0.0, covariance_m2=(1.0, 0.0, 1.0))
 
 
 @pytest.fixture
@@ -334,3 +337,27 @@ def samples_of(batch: ImuBatch) -> Iterator[ImuSample]:
 
 def threes(flat: tuple[float, ...]) -> list[Vector3]:
     return list(zip(flat[0::3], flat[1::3], flat[2::3], strict=True))
+
+
+def test_a_unit_that_cannot_keep_what_it_says_tells_so(heard: list[Received]) -> None:
+    network = MemoryNetwork()
+    network.connect().subscribe("clew/**", heard.append)
+    sender = Sender(network.connect(), "fire", "responder", "r1")
+    mount = make_mount("boot", "linear")
+    walk(Agent(sender, mount, "linear", None, keeps=lambda: False))
+    told = [message for message in messages(heard) if isinstance(message, NodeHealth)]
+    assert told
+    assert {message.findings[-1] for message in told} == {NOT_KEPT}
+    assert "ok" not in {message.level for message in told}
+
+
+def test_a_wearer_who_may_have_gone_on_is_not_put_back(heard: list[Received]) -> None:
+    network = MemoryNetwork()
+    network.connect().subscribe("clew/**", heard.append)
+    sender = Sender(network.connect(), "fire", "responder", "r1")
+    agent = Agent(sender, make_mount("boot", "linear"), "linear", HERE, stands_at=HERE)
+    agent.forget_place()
+    walk(agent)
+    starts = [message for message in messages(heard) if isinstance(message, TrackStart)]
+    assert {start.position for start in starts} == {None}
+    assert not any(isinstance(message, PositionFix) for message in messages(heard))
