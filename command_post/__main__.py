@@ -5,6 +5,7 @@ from __future__ import annotations
 from cyclopts import App
 
 from command_post.commands.afterwards import afterwards
+from command_post.commands.doctor import doctor
 from command_post.commands.keys import keys
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, plan, rehearse
@@ -35,6 +36,7 @@ app.command(montecarlo)
 app.command(plan)
 app.command(proof)
 app.command(prepare)
+app.command(doctor)
 app.command(keys)
 
 
