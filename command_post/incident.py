@@ -139,6 +139,7 @@ class Incident:
         self._tracker = make_fusion(settings.fusion)
         self._doubted: set[tuple[str, Role, str]] = set()
         self._sequences: Counter[str] = Counter()
+        self._dap_places: dict[str, Outgoing] = {}
 
     @property
     def estimates(self) -> Mapping[str, Estimate]:
@@ -149,6 +150,11 @@ class Incident:
     def daps(self) -> Mapping[str, InstalledDap]:
         """The DAPs that stand, by id."""
         return self._tracker.daps
+
+    @property
+    def dap_places(self) -> Mapping[str, Outgoing]:
+        """What was said last of where each DAP stands, by its id."""
+        return MappingProxyType(self._dap_places)
 
     @property
     def heard_ns(self) -> Mapping[tuple[Role, str], int]:
@@ -397,7 +403,7 @@ class Incident:
         )
 
     def _dap_place(self, dap_id: str, dap: InstalledDap) -> Outgoing:
-        return self._outgoing(
+        self._dap_places[dap_id] = place = self._outgoing(
             DapEstimate(
                 # The DAP knows its installation by the time that it gave itself.
                 event_time_ns=self._dating.said_ns(dap_id, dap.installed_ns),
@@ -407,6 +413,7 @@ class Incident:
             ),
             "dap_place",
         )
+        return place
 
     def _next_sequence(self, topic: str) -> int:
         number = self._sequences[topic]

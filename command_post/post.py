@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import structlog
 
+from command_post.checkpoint import Checkpoints, Kept, State
 from command_post.figures import Figures, by_reason
 from command_post.freshness import NodeWatch
 from command_post.incident import Incident
@@ -103,13 +104,14 @@ class Post:
         sign: Sign | None = None,
         metrics: Metrics | None = None,
         remarks: Sequence[str] = (),
+        checkpoints: Checkpoints | None = None,
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
         ``gate``: what lets messages in; without one, everybody is believed. ``outbox``: what seals
         what the post says. ``meet``: asks a node that comes who it is. ``sign``: signs what the
         post answers. ``metrics``: who is told of all that the post counts. ``remarks``: what the
-        roster is to say of how it was begun.
+        roster is to say of how it was begun. ``checkpoints``: keep the post's state now and then.
         """
         self._bus = bus
         self._incident = incident
@@ -141,24 +143,34 @@ class Post:
         """What was published last: the bus hands a node's own messages back to it."""
 
         self._to_say_again: Sequence[Outgoing] = ()
+        self._exercise: Received | None = None
+        """What has set the clock."""
+
+        self._checkpoints = checkpoints
         self._repeats = OrderRepeats()
         self._sealed_orders: dict[bytes, bytes] = {}
         """Orders as they were said first, by what was sealed."""
 
-    def take_up(self, recording: Recording) -> None:
+    def take_up(self, recording: Recording, kept: Kept | None) -> None:
         """Take the incident up where ``recording``, which is gone on with, was broken off.
 
-        To be called before ``serve``. Raises ``RecordingError`` if it cannot be read.
+        If its state was ``kept``, it must be what the post was given as its incident. To be called
+        before ``serve``. Raises ``RecordingError`` if the recording cannot be read.
         """
         began_s = time.monotonic()
-        resumed = resume(recording, self._incident, self._recall)
-        self._passed_ns = resumed.last_ns
+        if kept is not None:
+            self._gate.remember(kept.state.remembered)
+            if kept.state.exercise is not None:
+                self._follow(*kept.state.exercise)
+        since = recording.since(0 if kept is None else kept.position_bytes)
+        resumed = resume(since, self._incident, self._recall)
+        self._passed_ns = resumed.last_ns or (0 if kept is None else kept.state.last_ns)
         self._incident.take_notices()
         self._recorder.mark_resumed(self._clock.now_ns())
         for time_ns, key, payload in resumed.unrecorded:
             self._recorder.put(key, payload, time_ns, outgoing=True)
         # Who waited for it may have missed it.
-        self._to_say_again = [*resumed.dap_places, *resumed.unrecorded]
+        self._to_say_again = [*self._incident.dap_places.values(), *resumed.unrecorded]
         took_s = round(time.monotonic() - began_s, 1)
         _log.warning("taken up again", handled=resumed.handled, took_s=took_s)
         for damage in recording.report.damages:
@@ -200,6 +212,7 @@ class Post:
             if not heard:
                 self._pass_time()
             self._give_receipts()
+            self._keep_state()
             if time.monotonic() >= next_show_s:
                 self._repeat_orders()
                 self._tell_comings()
@@ -257,6 +270,13 @@ class Post:
             receipts = self._safekeeping.receipts(time.monotonic(), self._clock.now_ns())
         self._publish([self._incident.said(receipt) for receipt in receipts])
 
+    def _keep_state(self) -> None:
+        kept = self._checkpoints
+        if kept is not None and kept.is_due and not self._safekeeping.has_lost:
+            kept.keep(
+                State(self._incident, self._gate.remembered(), self._exercise, self._passed_ns)
+            )
+
     def _hear(self, received: Received) -> None:
         self._inbox.put(_Heard(*received, self._own_clock.now_ns()))
 
@@ -296,8 +316,11 @@ class Post:
             self._watch.hear(key, payload, now_ns)
             began_s = time.perf_counter()
             self._publish(self._recorded.handle(key, payload, now_ns))
+            took_s = time.perf_counter() - began_s
             if self._metrics is not None:
-                self._metrics.handled(time.perf_counter() - began_s)
+                self._metrics.handled(took_s)
+            if self._checkpoints is not None:
+                self._checkpoints.work(took_s)
             if self._incident.refused > refused:
                 self._reception.blame(received)
         for notice in self._incident.take_notices():
@@ -353,6 +376,7 @@ class Post:
             return
         # The first start counts: whoever gives another must not turn the post's clock.
         self._follows_exercise = False
+        self._exercise = Received(key, payload)
         self._clock.run_from(start.event_time_ns, start.speed)
         _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
 

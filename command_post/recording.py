@@ -13,11 +13,12 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Protocol, Self, TypeAlias
+from typing import NamedTuple, Protocol, Self
 
 import structlog
 
 from command_post.recording_file import RecordingFile
+from command_post.recording_queue import End, Entry, Item, Resumed, WhenSafe
 from shared.units import NS_PER_S
 
 QUEUE_MESSAGES = 100_000
@@ -152,8 +153,8 @@ class Recorder:
         self._retry_s = retry_s
         self._monotonic_ns = monotonic_ns
         self._changed = threading.Condition()
-        self._queue: deque[_Entry] = deque()
-        self._unsynced: list[_Entry] = []
+        self._queue: deque[Entry] = deque()
+        self._unsynced: list[Entry] = []
         """What is in the file, but may not be on the disk."""
 
         self._queued_bytes = 0
@@ -197,18 +198,32 @@ class Recorder:
                 self._dropped += 1
                 return False
             self._taken += 1
-            self._enqueue(_Item(key, payload, log_time_ns, outgoing))
+            self._enqueue(Item(key, payload, log_time_ns, outgoing))
             return True
 
     def mark_end(self, now_ns: int) -> None:
         """Say that the incident was finished at ``now_ns``: no more is received."""
         with self._changed:
-            self._enqueue(_End(now_ns))
+            self._enqueue(End(now_ns))
 
     def mark_resumed(self, now_ns: int) -> None:
         """Say that the recording is gone on with since ``now_ns``."""
         with self._changed:
-            self._enqueue(_Resumed(now_ns))
+            self._enqueue(Resumed(now_ns))
+
+    def when_safe(self, then: Callable[[int], None]) -> bool:
+        """Call ``then`` once all that has been put would survive a power cut; ``False`` if not.
+
+        It is called on the recorder's thread, with how far the file is written by then.
+        """
+        with self._changed:
+            self._enqueue(WhenSafe(then))
+            return not self._closing
+
+    @property
+    def part(self) -> Path:
+        """Where the recording is until it is finished."""
+        return self._file.part
 
     def status(self) -> RecorderStatus:
         """Return how it fares now."""
@@ -239,7 +254,7 @@ class Recorder:
         """Close."""
         self.close()
 
-    def _enqueue(self, entry: _Entry) -> None:
+    def _enqueue(self, entry: Entry) -> None:
         if not self._closing:
             self._queue.append(entry)
             self._queued_bytes += entry.size_bytes
@@ -280,11 +295,15 @@ class Recorder:
             entry = self._queue.popleft() if self._queue else None
             self._queued_bytes -= entry.size_bytes if entry is not None else 0
             going_on = entry is not None or not self._closing
-        if entry is not None:
+        if isinstance(entry, WhenSafe):
+            self._unsynced.append(entry)
+            self._sync()
+            entry.then(self._file.synced_bytes)
+        elif entry is not None:
             self._write(entry)
         return going_on
 
-    def _write(self, entry: _Entry) -> None:
+    def _write(self, entry: Item | End | Resumed) -> None:
         self._unsynced.append(entry)
         try:
             entry.write_to(self._file)
@@ -294,7 +313,7 @@ class Recorder:
                 self._dropped += 1
             _log.error("a message cannot be recorded", why=str(error))
             return
-        self._written += isinstance(entry, _Item)
+        self._written += isinstance(entry, Item)
 
     def _seconds_until_sync(self) -> float:
         return max(0, self._synced_ns + SYNC_PERIOD_NS - self._monotonic_ns()) / NS_PER_S
@@ -306,7 +325,7 @@ class Recorder:
     def _sync(self) -> None:
         self._tell_dropped()
         self._file.sync()
-        self._safe += sum(isinstance(each, _Item) for each in self._unsynced)
+        self._safe += sum(isinstance(each, Item) for each in self._unsynced)
         self._unsynced.clear()
         self._synced_ns = self._monotonic_ns()
 
@@ -324,7 +343,7 @@ class Recorder:
         with self._changed:
             is_news = self._fault is None
             self._fault = fault
-            self._written -= sum(isinstance(each, _Item) for each in self._unsynced)
+            self._written -= sum(isinstance(each, Item) for each in self._unsynced)
             self._queue.extendleft(reversed(self._unsynced))
             self._queued_bytes += sum(each.size_bytes for each in self._unsynced)
         self._unsynced.clear()
@@ -352,40 +371,7 @@ class Recorder:
         with self._changed:
             self._closing = True
             self._fault = f"{self._file.path}: recording has stopped: {why}"
-            self._dropped += sum(isinstance(each, _Item) for each in self._queue)
+            self._dropped += sum(isinstance(each, Item) for each in self._queue)
             self._queue.clear()
             self._queued_bytes = 0
         _log.error(self._fault, kept_until_then=self._written, dropped=self._dropped)
-
-
-class _Item(NamedTuple):
-    key: str
-    payload: bytes
-    log_time_ns: int
-    outgoing: bool
-
-    @property
-    def size_bytes(self) -> int:
-        return len(self.payload)
-
-    def write_to(self, file: RecordingFile) -> None:
-        file.put(self.key, self.payload, self.log_time_ns, outgoing=self.outgoing)
-
-
-class _End(NamedTuple):
-    now_ns: int
-    size_bytes: int = 0
-
-    def write_to(self, file: RecordingFile) -> None:
-        file.mark_end(self.now_ns)
-
-
-class _Resumed(NamedTuple):
-    now_ns: int
-    size_bytes: int = 0
-
-    def write_to(self, file: RecordingFile) -> None:
-        file.mark_resumed(self.now_ns)
-
-
-_Entry: TypeAlias = _Item | _End | _Resumed

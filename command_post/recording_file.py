@@ -76,6 +76,9 @@ class RecordingFile:
         self.dropped_before = 0
         """How many messages were missing when it was broken off."""
 
+        self.synced_bytes = 0
+        """How much of it would survive a power cut."""
+
         self._channels: dict[_Channel, int] = {}
         self._schemas: dict[str, int] = {}
         self._declared = Declared()
@@ -147,7 +150,7 @@ class RecordingFile:
         """
         self.abandon()
         self._stream = self.part.open("r+b")
-        self._go_on_at(self._synced_bytes)
+        self._go_on_at(self.synced_bytes)
         for number in range(self._synced_channels + 1, len(self._declared.channels) + 1):
             self._tell_channel(self._declared.channels[number])
 
@@ -191,7 +194,7 @@ class RecordingFile:
         """Return once all that was put in would survive a power cut."""
         self._writer.flush()
         os.fsync(self._stream.fileno())
-        self._synced_bytes = self._stream.tell()
+        self.synced_bytes = self._stream.tell()
         self._synced_channels = len(self._channels)
 
     def finish(self) -> None:

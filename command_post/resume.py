@@ -8,13 +8,11 @@ the same of it.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from command_post.recording import Incident
-from shared.codec import Refusal, decode, parse_key
-from shared.mcap_reader import Recording
-from shared.messages import DapEstimate
+from shared.mcap_reader import RecordedMessage
 
 
 class Made(NamedTuple):
@@ -29,28 +27,28 @@ class Resumed(NamedTuple):
     """What came of handling again what was recorded.
 
     ``unrecorded`` was made of the last message and is not in the recording. ``differing`` counts
-    what was made otherwise than it was recorded. ``dap_places`` were said last of each DAP;
-    ``last_ns`` is as of when anything was handled last.
+    what was made otherwise than it was recorded. ``last_ns`` is as of when anything
+    was handled last.
     """
 
     handled: int
     unrecorded: list[Made]
     differing: int
-    dap_places: list[Made]
     last_ns: int
 
 
 def resume(
-    recording: Recording, incident: Incident, recall: Callable[[str, bytes], None]
+    recorded: Iterable[RecordedMessage],
+    incident: Incident,
+    recall: Callable[[str, bytes], None],
 ) -> Resumed:
-    """Let a new ``incident`` handle all that was received; ``recall`` is told of it before.
+    """Let ``incident`` handle all that was received of ``recorded``, what a recording has since.
 
-    Raises ``RecordingError`` if the recording cannot be read.
+    ``recall`` is told of each before.
     """
     made: deque[Made] = deque()
-    places: dict[str, Made] = {}
     handled = differing = last_ns = 0
-    for log_time_ns, _, key, payload, outgoing in recording:
+    for log_time_ns, _, key, payload, outgoing in recorded:
         if outgoing:
             # It may have been made while nothing was heard.
             step = incident.pass_time(log_time_ns)
@@ -67,15 +65,4 @@ def resume(
                 made.popleft()
             else:
                 differing += 1
-            dap_id = _dap_placed(key, payload)
-            if dap_id is not None:
-                places[dap_id] = Made(log_time_ns, key, payload)
-    return Resumed(handled, list(made), differing, list(places.values()), last_ns)
-
-
-def _dap_placed(key_text: str, payload: bytes) -> str | None:
-    key = parse_key(key_text)
-    if isinstance(key, Refusal) or key.topic != "dap_place":
-        return None
-    place = decode(key, payload)
-    return place.dap_id if isinstance(place, DapEstimate) else None
+    return Resumed(handled, list(made), differing, last_ns)

@@ -51,6 +51,11 @@ class Safekeeping:
         self._lost: dict[JournalRun, list[Hole]] = {}
         self._sequence = count()
 
+    @property
+    def has_lost(self) -> bool:
+        """Whether the gate holds for come what the disk does not have."""
+        return bool(self._lost)
+
     def lose(self, key_text: str, payload: bytes) -> None:
         """Note that what the gate has let in finds no room on the disk."""
         numbered = numbering(key_text, payload)

@@ -62,6 +62,14 @@ class Missing(NamedTuple):
     in_all: int
 
 
+class Remembered(NamedTuple):
+    """What a gate knows of what has come."""
+
+    journals: dict[JournalRun, ReceivedNumbers]
+    live: dict[str, _LiveRuns]
+    gone: Counter[JournalRun]
+
+
 def numbering(key_text: str, payload: bytes) -> tuple[JournalRun, int] | None:
     """Return of which journal a message is, and its number there; ``None`` if of none."""
     key = parse_key(key_text)
@@ -100,6 +108,14 @@ class Gate:
             full = len(self.turned) >= MOST_TURNED and kind not in self.turned
             self.turned[(why, UNNAMED) if full else kind] += 1
         return why
+
+    def remembered(self) -> Remembered:
+        """Return what it knows, which goes on changing: for another that is to know the same."""
+        return Remembered(self._journals, self._live, self.gone)
+
+    def remember(self, remembered: Remembered) -> None:
+        """Know what another knew, and nothing else."""
+        self._journals, self._live, self.gone = remembered
 
     def recall(self, key_text: str, payload: bytes) -> None:
         """Take in once more what was let in before, as a record of it says."""

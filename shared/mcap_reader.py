@@ -153,8 +153,12 @@ class Recording:
 
     def __iter__(self) -> Iterator[RecordedMessage]:
         """Yield all that can be read. Raises ``RecordingError`` if the file has gone."""
+        return self.since(0)
+
+    def since(self, position_bytes: int) -> Iterator[RecordedMessage]:
+        """Yield what can be read from ``position_bytes`` of the file on, where something ends."""
         with mapped(self.path) as data:
-            scan = _Scan(data)
+            scan = _Scan(data, position_bytes)
             self.report = scan.report
             yield from scan.messages()
 
@@ -173,7 +177,8 @@ class _Place(NamedTuple):
 class _Scan:
     """One pass over the bytes of a recording."""
 
-    def __init__(self, data: mmap.mmap) -> None:
+    def __init__(self, data: mmap.mmap, since_bytes: int = 0) -> None:
+        self._since_bytes = since_bytes
         self._scan = RecordScan(data)
         self._places: dict[int, _Place] = {}
         self.report = ReadReport(finished=is_finished(data), damages=self._scan.damages)
@@ -207,7 +212,7 @@ class _Scan:
             if isinstance(record, Indexed):
                 continue
             yield record
-            if isinstance(record, Chunk):
+            if isinstance(record, Chunk) and begin_bytes >= self._since_bytes:
                 content = self._scan.content(record, begin_bytes, end_bytes)
                 self.report.chunk_count += content is not None
                 yield from content or ()

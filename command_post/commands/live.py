@@ -15,6 +15,7 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.live import Live
 
+from command_post.checkpoint import Checkpoints, checkpoint_path, load
 from command_post.commands.prepare import make_ready
 from command_post.commands.scoring import read_evidence, show_score
 from command_post.demo import DemoError, DemoSettings, run_demo
@@ -150,27 +151,34 @@ def run(
                 _shown(table) as show,
                 told(address, bundle) as figures,
             ):
+                state = checkpoint_path(record)
+                part = recorder.unfinished
+                kept = None if part is None else load(state, part, settings)
+                incident_ = Incident(settings) if kept is None else kept.state.incident
                 post = Post(
-                    bus, Incident(settings), recorder, SystemClock(),
+                    bus, incident_, recorder, SystemClock(),
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=introductions.meet, sign=None if bundle is None else bundle.sign,
                     metrics=figures, remarks=() if refused is None else (refused,),
+                    checkpoints=Checkpoints(state, recorder),
                 )  # fmt: skip
-                if recorder.unfinished is not None:
+                if part is not None:
                     # It can be broken off: the recording stays as it is, to be gone on with.
                     with ended_by_signals():
-                        post.take_up(read_recording(recorder.unfinished))
-                return _serve(post, recorder, stop)
+                        post.take_up(read_recording(part), kept)
+                return _serve(post, recorder, stop, state)
     except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
 
 
-def _serve(post: Post, recorder: Recorder, stop: Event) -> ExitCode:
+def _serve(post: Post, recorder: Recorder, stop: Event, state: Path) -> ExitCode:
     """Serve until ``stop``; say what the recording lacks, and return what the exit says of it."""
     post.serve(stop)
     status = recorder.close()
+    if status.fault is None:
+        state.unlink(missing_ok=True)
     if status.fault is None and not status.dropped:
         return ExitCode.OK
     _log.error("the recording is not whole", fault=status.fault, dropped=status.dropped)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter, deque
-from itertools import count
 from typing import Annotated, NamedTuple
 
 import msgspec
@@ -86,7 +85,7 @@ class TimeLine:
         self._capacity = capacity
         self._waiting: list[_Waiting] = []
         self._remembered: dict[Key, _Remembered] = {}
-        self._arrivals = count()
+        self._arrived = 0
         self.counts: Counter[str] = Counter()
 
     def put(self, event: Event, now_ns: int) -> None:
@@ -98,7 +97,8 @@ class TimeLine:
             return
         due_ns = min(time_ns, now_ns + self._hold_ns) + self._hold_ns
         self.counts["late"] += due_ns <= now_ns
-        order = (due_ns, time_ns, str(key), message.sequence, next(self._arrivals))
+        order = (due_ns, time_ns, str(key), message.sequence, self._arrived)
+        self._arrived += 1
         heapq.heappush(self._waiting, _Waiting(*order, event))
 
     @property

@@ -105,7 +105,7 @@ def serving(
             follows_exercise=follows_exercise, show=shown.append,
         )  # fmt: skip
         if recorder.unfinished is not None:
-            post.take_up(read_recording(recorder.unfinished))
+            post.take_up(read_recording(recorder.unfinished), None)
         alive: set[str] = set()
         other.watch_alive(alive_key("fire", "post", "p"), lambda name, _: alive.add(name))
         thread = Thread(target=post.serve, args=(stop,))

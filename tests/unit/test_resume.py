@@ -139,10 +139,10 @@ def test_the_daps_places_are_known_to_be_said_again(tmp_path: Path, heard: list[
         post.hear(heard)
         post.file.sync()
     with Kept(tmp_path / "a.mcap") as again:
-        assert again.resumed is not None
-        places = again.resumed.dap_places
+        places = again.incident.dap_places
+    assert places == post.incident.dap_places
     assert len(places) == len(post.incident.daps) > 1
-    assert all(each.key.endswith("/dap_place") for each in places)
+    assert all(each.key.endswith("/dap_place") for each in places.values())
 
 
 def test_what_is_made_otherwise_now_is_counted(tmp_path: Path, heard: list[Heard]) -> None:

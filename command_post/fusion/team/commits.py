@@ -10,8 +10,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import count
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.team.alone import commit_of_crowd
@@ -37,6 +36,7 @@ from shared.units import NS_PER_S
 
 KEPT = 720
 KEPT_OF_A_CROWD = 30
+KEPT_ELSEWHERE = 60
 KEYFRAME_EVERY = 30
 """Of a crowd older periods are kept now and then: an event as late has those between made again."""
 
@@ -100,10 +100,26 @@ class Commits:
         self._crews: dict[int, Crews] = {}
         self._first = 0
         self._kept_since = 0
-        self._serials = count()
+        self._made = 0
         self._fresh: Fresh | None = None
         self.until_ns = -1
         """Until when the commits have been made."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is to be kept elsewhere: of what is long past, keyframes."""
+        made = sorted(self._periods)
+        first = max(len(made) - KEPT_ELSEWHERE, 0)
+        kept = {
+            number
+            for number, before in zip(made[:first], [-1, *made], strict=False)
+            if number // KEYFRAME_EVERY != before // KEYFRAME_EVERY
+        } | set(made[first:])
+        state = self.__dict__.copy()
+        state["_periods"] = {n: each for n, each in self._periods.items() if n in kept}
+        if first:
+            # The one before the first of them is not there to make that again.
+            state["_kept_since"] = max(self._kept_since, made[first] + 1)
+        return state
 
     def number_at(self, time_ns: int) -> int:
         """Return the number of the period that ``time_ns`` is in."""
@@ -287,7 +303,8 @@ class Commits:
         else:
             period.commits.pop(crew.leader, None)
             return
-        period.commits[crew.leader] = Commit(next(self._serials), crew, solution, places, made_of)
+        period.commits[crew.leader] = Commit(self._made, crew, solution, places, made_of)
+        self._made += 1
 
     def _anchored(
         self, number: int, solution: Solution, fresh: Fresh, before: Solution

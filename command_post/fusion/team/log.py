@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -112,6 +113,21 @@ class MoveLog:
 
     def __len__(self) -> int:
         return self._count
+
+    def __getstate__(self) -> tuple[Ints, Floats, bytes]:
+        """Return it packed: the messages as on the wire, which is many times as fast."""
+        count = self._count
+        messages = msgspec.msgpack.encode(self._messages)
+        return self._times[:count], self._values[:count], messages
+
+    def __setstate__(self, state: tuple[Ints, Floats, bytes]) -> None:
+        """Take what ``__getstate__`` returned."""
+        times, values, messages = state
+        self.__init__()  # type: ignore[misc]
+        self._times = np.concatenate([times, self._times])
+        self._values = np.concatenate([values, self._values])
+        self._messages = msgspec.msgpack.decode(messages, type=list[OdometryIncrement])
+        self._count = len(times)
 
     def add(self, increment: OdometryIncrement) -> bool:
         """Take it in; ``False`` if it was here before."""

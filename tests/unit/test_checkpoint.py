@@ -1,0 +1,211 @@
+"""What is kept of the post's state is as good as handling all again, or is not used at all."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+import zstandard
+
+from command_post import checkpoint
+from command_post.checkpoint import Checkpoints, Kept, State, checkpoint_path, load
+from command_post.incident import Incident, IncidentSettings, Outgoing
+from command_post.recording import RecordedIncident, Recorder
+from command_post.resume import resume
+from shared.codec import encode
+from shared.gate import Gate, JournalRun
+from shared.mcap_reader import read_recording
+from shared.messages import DapInstallation, Message, RssiPeak
+from shared.seal import sealed
+from shared.topics import TOPICS, Key, Role
+from shared.units import NS_PER_S
+from tests.benchmarks.crowd import crowd
+from tests.waiting import wait_for
+
+SETTINGS = IncidentSettings(incident="fire")
+ROLE: dict[type[Message], Role] = {DapInstallation: "dap", RssiPeak: "dap"}
+TOPIC = {topic.message: topic.name for topic in TOPICS.values()}
+RUN = b"\x01" * 8
+
+
+class Heard:
+    """Some responders' messages, sealed or not."""
+
+    def __init__(self, responders: int, minutes: float) -> None:
+        self.messages = []
+        for number, (node_id, message) in enumerate(crowd(1, responders, minutes, 1.0, 3), 1):
+            role = ROLE.get(type(message), "responder")
+            key = str(Key("fire", role, node_id, TOPIC[type(message)]))
+            payload = encode(message)
+            if number % 50 == 0:
+                payload = sealed(payload, RUN, number)
+            self.messages.append((message.event_time_ns + NS_PER_S // 20, key, payload))
+
+
+class World:
+    """A post's record and state; ``hear`` hands on so many messages."""
+
+    def __init__(self, path: Path, heard: Heard) -> None:
+        self.path = path
+        self.recorder = Recorder(path, SETTINGS.as_metadata(), resume=True)
+        self.incident, self.gate = Incident(SETTINGS), Gate()
+        self.recorded = RecordedIncident(self.incident, self.recorder)
+        self.kept_at = checkpoint_path(path)
+        self.checkpoints = Checkpoints(self.kept_at, self.recorder)
+        self._heard = iter(heard.messages)
+
+    def hear(self, count: int) -> list[Outgoing]:
+        """Handle the next messages."""
+        made: list[Outgoing] = []
+        for (time_ns, key, payload), _ in zip(self._heard, range(count), strict=False):
+            self.gate.admit(key, payload)
+            made += [
+                Outgoing(*each) for each in map(_pair, self.recorded.handle(key, payload, time_ns))
+            ]
+        return made
+
+    def keep(self) -> None:
+        """Keep the state, and wait until that is done."""
+        self.kept_at.unlink(missing_ok=True)
+        self.checkpoints.keep(State(self.incident, self.gate.remembered(), None, 7))
+        wait_for(self.kept_at.exists, "the state on the disk")
+
+    def all_is_safe(self) -> None:
+        """Wait until all is on the disk."""
+        wait_for(lambda: self.recorder.safe == self.recorder.taken, "the disk")
+
+    def loaded(self) -> Kept | None:
+        """Return what is kept."""
+        return load(self.kept_at, self.recorder.part, SETTINGS)
+
+
+def _pair(each: object) -> tuple[str, bytes]:
+    assert isinstance(each, Outgoing)
+    return each.key, each.payload
+
+
+@pytest.fixture(scope="module")
+def heard() -> Heard:
+    return Heard(3, 1.0)
+
+
+@pytest.fixture
+def world(tmp_path: Path, heard: Heard) -> Iterator[World]:
+    world = World(tmp_path / "a.mcap", heard)
+    yield world
+    world.recorder.close()
+
+
+@pytest.mark.parametrize("responders", [3, 20], ids=["one crew", "a crowd"])
+def test_taken_up_from_it_all_goes_on_to_the_bit(tmp_path: Path, responders: int) -> None:
+    heard = Heard(responders, 0.7)
+    world = World(tmp_path / "a.mcap", heard)
+    half = len(heard.messages) // 2
+    world.hear(half)
+    world.keep()
+    world.hear(half // 4)
+    world.all_is_safe()
+    kept = world.loaded()
+    assert kept is not None
+    assert kept.state.last_ns == 7
+    incident, gate = kept.state.incident, Gate()
+    gate.remember(kept.state.remembered)
+    resumed = resume(
+        read_recording(world.recorder.part).since(kept.position_bytes), incident, gate.recall
+    )
+    assert resumed.handled == half // 4
+    assert resumed.differing == 0
+    assert incident.estimates == world.incident.estimates
+    journal = next(iter(world.gate.journals()))[0]
+    assert isinstance(journal, JournalRun)
+    assert gate.missing() == world.gate.missing() != []
+    # What comes then, a word about long ago among it, makes the same of both.
+    late = heard.messages[3]
+    last_ns = heard.messages[-1][0]
+    for came_ns, key, payload in [*heard.messages[half + half // 4 :], late]:
+        time_ns = last_ns if payload == late[2] else came_ns
+        now, then = (each.handle(key, payload, time_ns) for each in (incident, world.incident))
+        assert now == then
+    assert incident.finish(last_ns) == world.incident.finish(last_ns)
+    world.recorder.close()
+
+
+def test_it_is_due_when_there_is_much_to_do_again_and_not_too_often(world: World) -> None:
+    world.hear(10)
+    assert not world.checkpoints.is_due
+    world.checkpoints.work(checkpoint.WORTH_S - 0.1)
+    assert not world.checkpoints.is_due
+    world.checkpoints.work(0.2)
+    assert world.checkpoints.is_due
+    world.keep()
+    assert not world.checkpoints.is_due
+    wait_for(lambda: world.checkpoints.work(1.0) or world.checkpoints.is_due, "the next one")
+
+
+def test_without_one_nothing_is_wrong(world: World, capsys: pytest.CaptureFixture[str]) -> None:
+    assert world.loaded() is None
+    assert capsys.readouterr().out == ""
+
+
+def changed(path: Path, **changes: object) -> None:
+    told = msgspec.msgpack.decode(path.read_bytes())
+    path.write_bytes(msgspec.msgpack.encode({**told, **changes}))
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"software": "older"}, "other software"),
+        ({"state": b"else"}, "damaged"),
+        ({"tail_sha256": "0"}, "another recording"),
+        ({"position_bytes": 10**9}, "another recording"),
+        ({"position_bytes": "x"}, "Expected `int`"),
+    ],
+)
+def test_one_that_does_not_fit_is_passed_over(
+    world: World, changes: dict[str, object], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world.hear(40)
+    world.keep()
+    assert world.loaded() is not None
+    changed(world.kept_at, **changes)
+    assert world.loaded() is None
+    assert why in capsys.readouterr().out
+
+
+def test_every_broken_off_file_is_passed_over(world: World) -> None:
+    world.hear(40)
+    world.keep()
+    data = world.kept_at.read_bytes()
+    for size in range(0, len(data), max(len(data) // 50, 1)):
+        world.kept_at.write_bytes(data[:size])
+        assert world.loaded() is None
+
+
+def test_one_of_other_settings_is_passed_over(world: World) -> None:
+    world.hear(40)
+    world.keep()
+    assert load(world.kept_at, world.recorder.part, IncidentSettings(incident="mill")) is None
+
+
+class Harmful:
+    """What would call anything when it is unpickled."""
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return print, ("harm",)
+
+
+def test_nothing_is_called_that_a_state_has_not(
+    world: World, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world.hear(10)
+    state = zstandard.compress(pickle.dumps(Harmful()))
+    world.keep()
+    changed(world.kept_at, state=state, state_sha256=checkpoint._sha256(state))
+    assert world.loaded() is None
+    said = capsys.readouterr().out
+    assert "builtins.print is nothing that a state has" in said
+    assert "harm\n" not in said
