@@ -12,7 +12,10 @@ def roster_json(roster: Roster) -> bytes:
     return msgspec.json.encode(
         {
             "now_ns": roster.now_ns,
-            "responders": [row._asdict() for row in roster.responders],
+            "responders": [
+                {**row._asdict(), "orders": [one._asdict() for one in row.orders]}
+                for row in roster.responders
+            ],
             "daps": [row._asdict() for row in roster.daps],
             "nodes": [
                 {**node._asdict(), "silence": node.silence, "words": node.words}
