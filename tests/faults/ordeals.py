@@ -1,0 +1,190 @@
+"""What an incident's programs are put through, short in the tests and long by command.
+
+``python -m tests.faults ORDEAL`` runs one as long as it takes in the field, and prints what was
+lost, what came twice, and how late live messages were meanwhile.
+"""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from shared.codec import Refusal, parse_key
+from shared.mcap_reader import read_recording
+from shared.units import NS_PER_S
+from tests.faults.air import Air, Channel, Link
+from tests.faults.fleet import Deployment, Fleet, Program, account, is_safe, rows_of
+from tests.waiting import wait_for
+
+PATIENCE_S = 90.0
+"""For what takes its time on a busy machine: starting Python several times, say."""
+
+
+class Outcome(NamedTuple):
+    """How it went. ``live_s`` are the median and the 99th percentile of how late beats were.
+
+    A beat is never kept and says when it was sent; those sent since ``since_ns`` count.
+    """
+
+    journalled: int
+    lost: int
+    repeated: int
+    live_s: tuple[float, float] | None
+
+
+def kills(folder: Path, times: int, seed: int = 1, lives_s: float = 3.0) -> Outcome:
+    """Kill agent, DAP and post, in turn and together, ``times`` times."""
+    site = Deployment(folder, ["dap1", "dap2"], ["r1", "r2"], walk_s=60.0 + 10.0 * lives_s * times)
+    programs = programs_of(site)
+    chance = random.Random(seed)  # noqa: S311
+    everybody = [program.name for program in programs]
+    with Fleet(folder / "logs", programs) as fleet:
+        fleet.start()
+        _has_said(site, 3)
+        for number in range(times):
+            together = number % len(everybody) == len(everybody) - 1
+            victims = everybody if together else [everybody[number % len(everybody)]]
+            fleet.kill(*victims)
+            fleet.start(*victims)
+            if number % len(everybody) == 0:
+                _has_said(site, 2)
+            else:
+                _passed(chance.uniform(0.2, 2.0) * lives_s)
+        return _ended(site, fleet)
+
+
+def out_of_range(folder: Path, away_s: float) -> Outcome:
+    """Let a responder walk out of range of one DAP, and back into that of another."""
+    with Air(["post", "dap1", "dap2", "r1"]) as air:
+        site = Deployment(folder, ["dap1", "dap2"], ["r1"], air, walk_s=2.0 * away_s + 120.0)
+        programs = [
+            site.post(), site.dap("dap1", "post"), site.dap("dap2", "post"),
+            site.agent("r1", "dap1", "dap2"),
+        ]  # fmt: skip
+        for one, other in (("dap1", "post"), ("dap2", "post"), ("r1", "dap1")):
+            air.link(one, other, Link(delay_s=0.005))
+        with Fleet(folder / "logs", programs, air) as fleet:
+            fleet.start()
+            _has_said(site, 3)
+            wait_for(lambda: is_safe(site.journal("r1")), "a receipt", PATIENCE_S)
+            air.cut("r1", "dap1")
+            _passed(away_s)
+            air.link("r1", "dap2", Link(delay_s=0.005))
+            return _ended(site, fleet, since_ns=time.time_ns())
+
+
+def multi_hop(folder: Path, lasts_s: float) -> Outcome:
+    """Let DAPs stand in a row that breaks, and another way round be found."""
+    with Air(["post", "dap1", "dap2", "dap3", "r1"]) as air:
+        site = Deployment(folder, ["dap1", "dap2", "dap3"], ["r1"], air)
+        for one, other in (("dap1", "post"), ("dap2", "dap1"), ("dap2", "dap3"),
+                           ("dap3", "post"), ("r1", "dap2")):  # fmt: skip
+            air.link(one, other, Link(delay_s=0.005))
+        programs = [
+            site.post(), site.dap("dap1", "post"), site.dap("dap3", "post"),
+            site.dap("dap2", "dap1", "dap3"), site.agent("r1", "dap2"),
+        ]  # fmt: skip
+        with Fleet(folder / "logs", programs, air) as fleet:
+            fleet.start()
+            _has_said(site, 3)
+            fleet.kill("dap1")
+            _passed(lasts_s)
+            return _ended(site, fleet, since_ns=time.time_ns(), without=["dap1"])
+
+
+def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: float) -> Outcome:
+    """Let responders share ``link`` to one DAP, cut it for a while, and go on behind it."""
+    names = [f"r{number}" for number in range(1, responders + 1)]
+    with Air(["post", "dap1", *names]) as air:
+        site = Deployment(folder, ["dap1"], names, air, walk_s=cut_s + after_s + 240.0)
+        air.link("dap1", "post", Link(delay_s=0.005))
+        for name in names:
+            air.link(name, "dap1", link)
+        programs = [site.post(), site.dap("dap1", "post")]
+        programs += [site.agent(name, "dap1") for name in names]
+        with Fleet(folder / "logs", programs, air) as fleet:
+            fleet.start()
+            _has_said(site, 3)
+            for name in names:
+                air.cut(name, "dap1")
+            _passed(cut_s)
+            for name in names:
+                air.link(name, "dap1", link)
+            mended_ns = time.time_ns()
+            _passed(after_s)
+            return _ended(site, fleet, since_ns=mended_ns + 5 * NS_PER_S)
+
+
+def lossy(folder: Path, responders: int = 2, loss: float = 0.2, cut_s: float = 30.0) -> Outcome:
+    """Lose a share of all packets, and the link itself for a while."""
+    link = Link(delay_s=0.01, loss=loss)
+    return bad_air(folder, responders, link, cut_s, after_s=30.0)
+
+
+def narrow(folder: Path, responders: int = 8, cut_s: float = 30.0) -> Outcome:
+    """Let agents share 512 kbit/s, and make up for a cut on it."""
+    link = Link(delay_s=0.01, channel=Channel(bit_per_s=512_000.0))
+    return bad_air(folder, responders, link, cut_s, after_s=30.0)
+
+
+def _passed(seconds: float) -> None:
+    """Let a fault last: what it does shows in time only."""
+    threading.Event().wait(seconds)
+
+
+def _has_said(site: Deployment, more: int) -> None:
+    """Wait until each responder has said so much more."""
+    before = _said(site)
+
+    def all_have() -> bool:
+        return all(now >= then + more for now, then in zip(_said(site), before, strict=True))
+
+    wait_for(all_have, "the agents to say something", PATIENCE_S)
+
+
+def _said(site: Deployment) -> list[int]:
+    journals = [site.journal(name) for name in site.responders]
+    return [len(rows_of(path)) if path.exists() else 0 for path in journals]
+
+
+def _ended(
+    site: Deployment, fleet: Fleet, *, since_ns: int | None = None, without: Sequence[str] = ()
+) -> Outcome:
+    """Wait until all is safe at the post, stop everybody, and hold journals against recording."""
+    journals = [site.journal(name) for name in (*site.daps, *site.responders)
+                if name not in without]  # fmt: skip
+    wait_for(lambda: all(map(is_safe, journals)), "all to be safe at the post", 10 * PATIENCE_S)
+    assert fleet.ended() == [], "some ended of themselves"
+    codes = fleet.stop()
+    assert set(codes.values()) == {0}, codes
+    told = account(site.recording, journals)
+    return Outcome(*told, None if since_ns is None else _beats_late_s(site.recording, since_ns))
+
+
+def _beats_late_s(recording: Path, since_ns: int) -> tuple[float, float]:
+    late_s = np.array(list(_ages_s(recording, since_ns)))
+    return float(np.median(late_s)), float(np.quantile(late_s, 0.99))
+
+
+def _ages_s(recording: Path, since_ns: int) -> Iterable[float]:
+    for message in read_recording(recording):
+        key = parse_key(message.key)
+        if isinstance(key, Refusal) or (key.topic, key.role) != ("beat", "responder"):
+            continue
+        if message.publish_time_ns >= since_ns:
+            yield (message.log_time_ns - message.publish_time_ns) / NS_PER_S
+
+
+def programs_of(site: Deployment) -> list[Program]:
+    """Return everybody of a deployment whose agents dial every DAP, and DAPs the post."""
+    return [
+        site.post(),
+        *(site.dap(name, "post") for name in site.daps),
+        *(site.agent(name, *site.daps) for name in site.responders),
+    ]
