@@ -25,11 +25,14 @@ from tests.waiting import wait_for
 PATIENCE_S = 90.0
 """For what takes its time on a busy machine: starting Python several times, say."""
 
+SETTLED_NS = 5 * NS_PER_S
+"""After this long a node has found another way: until then nothing of it is live."""
+
 
 class Outcome(NamedTuple):
     """How it went. ``live_s`` are the median and the 99th percentile of how late beats were.
 
-    A beat is never kept and says when it was sent; those sent since ``since_ns`` count.
+    A beat is never kept and says when it was sent; those sent after the fault count.
     """
 
     journalled: int
@@ -75,8 +78,11 @@ def out_of_range(folder: Path, away_s: float) -> Outcome:
             wait_for(lambda: is_safe(site.journal("r1")), "a receipt", PATIENCE_S)
             air.cut("r1", "dap1")
             _passed(away_s)
+            _has_said(site, 3)
             air.link("r1", "dap2", Link(delay_s=0.005))
-            return _ended(site, fleet, since_ns=time.time_ns())
+            back_ns = time.time_ns()
+            _has_said(site, 10)
+            return _ended(site, fleet, since_ns=back_ns + SETTLED_NS)
 
 
 def multi_hop(folder: Path, lasts_s: float) -> Outcome:
@@ -94,8 +100,10 @@ def multi_hop(folder: Path, lasts_s: float) -> Outcome:
             fleet.start()
             _has_said(site, 3)
             fleet.kill("dap1")
+            killed_ns = time.time_ns()
             _passed(lasts_s)
-            return _ended(site, fleet, since_ns=time.time_ns(), without=["dap1"])
+            _has_said(site, 10)
+            return _ended(site, fleet, since_ns=killed_ns + SETTLED_NS, without=["dap1"])
 
 
 def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: float) -> Outcome:
@@ -114,11 +122,13 @@ def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: fl
             for name in names:
                 air.cut(name, "dap1")
             _passed(cut_s)
+            _has_said(site, 3)
             for name in names:
                 air.link(name, "dap1", link)
             mended_ns = time.time_ns()
             _passed(after_s)
-            return _ended(site, fleet, since_ns=mended_ns + 5 * NS_PER_S)
+            _has_said(site, 10)
+            return _ended(site, fleet, since_ns=mended_ns + SETTLED_NS)
 
 
 def lossy(folder: Path, responders: int = 2, loss: float = 0.2, cut_s: float = 30.0) -> Outcome:
