@@ -9,7 +9,7 @@ from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import PacedClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
-from shared.gate import Gate
+from shared.gate import Gate, Verifier
 from shared.messages import ExerciseStart, NodeId
 from shared.time_service import TimeAsker
 from shared.topics import Key
@@ -41,17 +41,17 @@ def await_exercise(bus: Bus, incident: NodeId, gate: Gate, stop: Event) -> Exerc
     return None
 
 
-def ask_time_ns(bus: Bus, incident: NodeId, gate: Gate) -> int:
+def ask_time_ns(bus: Bus, incident: NodeId, verifier: Verifier | None) -> int:
     """Return what time it is at the post, or here if no post tells.
 
-    ``gate`` lets in who may give an exercise, whose time then counts.
+    ``verifier`` knows who may tell it, or give an exercise, whose time then counts.
     """
     clock = PacedClock(SystemClock())
     key = str(Key(incident, "post", "*", "exercise"))
-    start = _first_start(bus.query(key, ASK_TIMEOUT_S), gate)
+    start = _first_start(bus.query(key, ASK_TIMEOUT_S), Gate(verifier))
     if start is not None:
         clock.run_from(start.event_time_ns, start.speed)
-    asker = TimeAsker(bus, incident, clock)
+    asker = TimeAsker(bus, incident, clock, verifier)
     asker.ask()
     stated = asker.stated()
     return clock.now_ns() + (0 if stated is None else stated.offset.offset_ns)

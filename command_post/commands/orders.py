@@ -284,7 +284,7 @@ def _say(
                 _log.error("the post does not show who it is; give keys of the same authority")
                 return ExitCode.FAILURE
             gate = Gate(introductions.signers)
-            now_ns = ask_time_ns(bus, incident, gate)
+            now_ns = ask_time_ns(bus, incident, introductions.signers)
             outbox = Unkept(None if bundle is None else bundle.sign)
             sender = Sender(bus, incident, "post", commander_id, outbox)
             # Every order is a process of its own: counting by the clock, none repeats another.
