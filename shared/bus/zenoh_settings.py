@@ -23,6 +23,9 @@ LEASE_MS = 2000
 LONGEST_MESSAGE_BYTES = 1 << 20
 """What is longer never reaches us: Zenoh drops it before it has come in whole."""
 
+SEND_BUFFER_BYTES = 16_384
+"""What waits for a narrow link waits where Zenoh sorts it by priority, not behind it in TCP."""
+
 
 _ENDPOINT = re.compile(
     r"(?P<protocol>tcp|tls)/(?P<host>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):(?P<port>\d{1,5})"
@@ -68,6 +71,7 @@ def session_settings(
     link: dict[str, Any] = {
         "tx": {"lease": LEASE_MS},
         "rx": {"max_message_size": LONGEST_MESSAGE_BYTES},
+        "tcp": {"so_sndbuf": SEND_BUFFER_BYTES},
     }
     settings: dict[str, Any] = {
         "mode": mode,
@@ -106,6 +110,7 @@ def _tls(mode: Mode, bundle: Bundle) -> dict[str, Any]:
     dialling = {"connect_certificate": certificate, "connect_private_key": key}
     listening = {"listen_certificate": certificate, "listen_private_key": key}
     return {
+        "so_sndbuf": SEND_BUFFER_BYTES,
         "root_ca_certificate": bundle.path(AUTHORITY_FILE),
         "enable_mtls": True,
         "verify_name_on_connect": True,
