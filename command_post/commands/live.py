@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from threading import Event
@@ -33,8 +33,8 @@ from command_post.roster import Roster
 from command_post.table import roster_table
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import SystemClock
 from shared.config import ConfigError, checked
+from shared.continued_clock import continued_clock
 from shared.files import (
     FileHeldError,
     FolderHeldError,
@@ -155,8 +155,9 @@ def run(
                 part = recorder.unfinished
                 kept = None if part is None else load(state, part, settings)
                 incident_ = Incident(settings) if kept is None else kept.state.incident
+                noted = record.with_name(f"{record.name}.clock")
                 post = Post(
-                    bus, incident_, recorder, SystemClock(),
+                    bus, incident_, recorder, continued_clock(noted, goes_on=part is not None),
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=introductions.meet, sign=None if bundle is None else bundle.sign,
@@ -167,18 +168,19 @@ def run(
                     # It can be broken off: the recording stays as it is, to be gone on with.
                     with ended_by_signals():
                         post.take_up(read_recording(part), kept)
-                return _serve(post, recorder, stop, state)
+                return _serve(post, recorder, stop, (state, noted))
     except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
 
 
-def _serve(post: Post, recorder: Recorder, stop: Event, state: Path) -> ExitCode:
+def _serve(post: Post, recorder: Recorder, stop: Event, to_go_on: Sequence[Path]) -> ExitCode:
     """Serve until ``stop``; say what the recording lacks, and return what the exit says of it."""
     post.serve(stop)
     status = recorder.close()
     if status.fault is None:
-        state.unlink(missing_ok=True)
+        for path in to_go_on:
+            path.unlink(missing_ok=True)
     if status.fault is None and not status.dropped:
         return ExitCode.OK
     _log.error("the recording is not whole", fault=status.fault, dropped=status.dropped)
