@@ -9,7 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 from command_post.__main__ import app
+from command_post.fusion.methods import prepare_fusion
+from command_post.fusion.settings import FusionSettings
 from shared.bus.interface import Received
 from shared.bus.zenoh_bus import open_zenoh
 from shared.codec import encode
@@ -25,6 +29,11 @@ from tests.waiting import DEADLINE_S, wait_for
 
 KEY = "clew/v1/fire/responder/r1/increment"
 TRUE = 5
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _prepared() -> None:
+    prepare_fusion(FusionSettings())
 
 
 @contextmanager
