@@ -91,6 +91,8 @@ def _of_post(figures: Figures) -> Iterator[Metric]:
     )
     yield _counter("clew_fusion", "What the fusion says of its input.", "what", figures.fusion)
     yield _gauge("clew_inbox_messages", "Messages that wait to be handled.", figures.waiting)
+    orders = sum(len(row.orders) for row in figures.roster.responders)
+    yield _gauge("clew_orders_unacknowledged", "Orders that await a responder's word.", orders)
     recorder = figures.recorder
     yield _gauge("clew_recorder_queued", "Messages not yet written to disk.", recorder.queued)
     failing = recorder.fault is not None

@@ -416,12 +416,7 @@ class Post:
             _log.warning("refused in all", reason=reason, node_id=node_id, count=count)
         for what, count in sorted(self._incident.counts.items()):
             _log.info("fusion", what=what, count=count)
-        for sender, count in sorted(self._reception.only_counted.items()):
-            _log.warning("of no use, and not recorded", sender=sender, count=count)
-        for (why, sender), count in sorted(self._inbox.lost().items()):
-            _log.error("the post did not hear all", why=why, sender=sender, count=count)
-        if len(self._inbox):
-            _log.warning("heard too late to be handled", count=len(self._inbox))
+        self._reception.tell_losses()
 
 
 def _came_ns(heard: _Heard) -> int:

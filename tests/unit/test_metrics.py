@@ -5,13 +5,16 @@ from __future__ import annotations
 import http.client
 import json
 import socket
+import ssl
 import urllib.error
 import urllib.request
 from collections import Counter
+from pathlib import Path
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
+from command_post import metrics_server
 from command_post.figures import Figures, by_reason
 from command_post.freshness import Freshness
 from command_post.metrics import MOST_NODES_SHOWN, Metrics
@@ -19,7 +22,9 @@ from command_post.metrics_server import Address, metrics_address, told
 from command_post.recording import RecorderStatus
 from command_post.roster import Roster
 from shared.codec import encode
+from shared.security.bundle import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE
 from shared.units import NS_PER_S
+from tests.issued_keys import Keys
 from tests.traffic import START_NS, key_of, one_of_each
 
 HERE = Address("127.0.0.1", 0)
@@ -144,6 +149,25 @@ def test_who_asks_and_says_nothing_keeps_nobody_waiting() -> None:
         other.request("GET", "/roster")
         assert other.getresponse().read() == b"null"
         other.close()
+
+
+def test_beyond_this_machine_only_those_with_a_certificate_are_answered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(metrics_server, "_is_loopback", lambda _: False)
+    keys = Keys(tmp_path / "keys", ("post", "commander"))
+    where = Address("127.0.0.1", free_port())
+    url = f"https://{where.host}:{where.port}/roster"
+    context = ssl.create_default_context(cafile=keys["commander"].path(AUTHORITY_FILE))
+    with told(where, keys["post"]):
+        with pytest.raises((ssl.SSLError, OSError)):
+            urllib.request.urlopen(url, context=context, timeout=10).read()
+        with pytest.raises((urllib.error.URLError, http.client.HTTPException)):
+            fetch(where, "/roster")
+        own = keys["commander"]
+        context.load_cert_chain(own.path(CERTIFICATE_FILE), own.path(KEY_FILE))
+        with urllib.request.urlopen(url, context=context, timeout=10) as answer:
+            assert answer.read() == b"null"
 
 
 def test_without_an_address_nothing_is_counted() -> None:

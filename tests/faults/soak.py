@@ -1,0 +1,166 @@
+"""Does anything leak? Long-lived nodes in a hurry, with an eye on what each process holds.
+
+``python -m tests.faults.soak --hours 24 --speed 60`` runs a post, a DAP that relays, two units that
+say ``speed`` strides a second each through it, journalled and acknowledged, and a third agent, a
+whole one, that comes and goes over and over. That lasts ``hours / speed`` real hours. It prints
+JSON, an object a line: what each process holds over time, and at the end by how much that grew from
+the first quarter to the last. The post keeps every stride, so that its memory grows with those.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.bus.test_zenoh import free_endpoint
+
+SAMPLES = 240
+SETTLED_S = 15.0
+"""A process that has just started still grows into its work."""
+
+WALKING = ("w1", "w2")
+VISITOR = "r1"
+INCIDENT = "soak"
+
+
+class Held(NamedTuple):
+    """What a process holds of the machine."""
+
+    memory_mb: float
+    descriptors: int
+    threads: int
+
+
+def held_by(pid: int) -> Held | None:
+    """Return what a process holds; ``None`` if it is no more."""
+    process = Path("/proc") / str(pid)
+    try:
+        lines = (process / "status").read_text().splitlines()
+        status = dict(line.split(":", 1) for line in lines)
+        descriptors = len(list((process / "fd").iterdir()))
+        return Held(int(status["VmRSS"].split()[0]) / 1024.0, descriptors, int(status["Threads"]))
+    except (OSError, KeyError):
+        return None
+
+
+class Nodes:
+    """The processes of a soak, each with a log of its own."""
+
+    def __init__(self, folder: Path, speed: float) -> None:
+        self._folder = folder
+        self._speed = speed
+        self._endpoints = {"post": free_endpoint(), "dap1": free_endpoint()}
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.visits = 0
+
+    def start(self) -> None:
+        """Start all, those that are dialled first, once nobody has to build machine code."""
+        for program in ("command_post", "edge_agent"):
+            subprocess.run([sys.executable, "-m", program, "prepare"], check=True)
+        of_incident = ("--incident", INCIDENT, "--insecure", "--with-parent")
+        post, dap = self._endpoints["post"], self._endpoints["dap1"]
+        self._run("post", "command_post", "run", *of_incident, "--listen", post,
+                  "--record", str(self._folder / "soak.mcap"))  # fmt: skip
+        self._run("dap1", "dap_node", "run", *of_incident, "--id", "dap1", "--await-start",
+                  "--scan", "simulated:corridor", "--listen", dap, "--connect", post)  # fmt: skip
+        for name in WALKING:
+            journal = str(self._folder / f"{name}.journal")
+            self._run(name, "tests.faults.talker", dap, INCIDENT, name, journal, str(self._speed))
+
+    def receive_visitor(self) -> None:
+        """Have the visitor come if they are not here."""
+        here = self.processes.get(VISITOR)
+        if here is None or here.poll() is not None:
+            self.visits += 1
+            self._run(VISITOR, "edge_agent", "run", "--id", VISITOR, "--source",
+                      "simulated:corridor", "--speed", "10", "--connect", self._endpoints["dap1"],
+                      "--incident", INCIDENT, "--insecure", "--with-parent")  # fmt: skip
+
+    def ended(self) -> dict[str, int]:
+        """Return the exit codes of those who should not have ended, or not so."""
+        codes = {name: process.poll() for name, process in self.processes.items()}
+        return {
+            name: code
+            for name, code in codes.items()
+            if code is not None and (code != 0 or name != VISITOR)
+        }
+
+    def stop(self) -> dict[str, int]:
+        """Ask all to stop, those who dial first; return their exit codes."""
+        for process in reversed(self.processes.values()):
+            process.send_signal(signal.SIGTERM)
+            process.wait()
+        return {name: process.returncode for name, process in self.processes.items()}
+
+    def _run(self, name: str, *command: str) -> None:
+        with (self._folder / f"{name}.log").open("ab") as log:
+            self.processes[name] = subprocess.Popen(
+                [sys.executable, "-m", *command], stdin=subprocess.PIPE, stdout=log, stderr=log
+            )
+
+
+def soak(folder: Path, hours: float, speed: float) -> bool:
+    """Run the nodes and print what they hold; return whether all ended well."""
+    real_s = hours * 3600.0 / speed
+    period_s = max(real_s / SAMPLES, 1.0)
+    series: dict[str, list[Held]] = {}
+    nodes = Nodes(folder, speed)
+    nodes.start()
+    began_s = time.monotonic()
+    while (since_s := time.monotonic() - began_s) < real_s and not nodes.ended():
+        nodes.receive_visitor()
+        now = {name: held_by(process.pid) for name, process in nodes.processes.items()}
+        for name, held in now.items():
+            if held is not None and name != VISITOR and since_s > SETTLED_S:
+                series.setdefault(name, []).append(held)
+        told = {name: held._asdict() for name, held in now.items() if held is not None}
+        _tell({"real_s": round(since_s, 1), "visits": nodes.visits, "held": told})
+        time.sleep(period_s)
+    ended, codes = nodes.ended(), nodes.stop()
+    growth = {name: grown(held) for name, held in series.items()}
+    recorded_mb = sum(each.stat().st_size for each in folder.glob("soak.mcap*")) / 1e6
+    said = {"grown": growth, "recorded_mb": recorded_mb, "ended_early": ended}
+    _tell({**said, "exit_codes": codes})
+    return not ended and not any(codes.values())
+
+
+def grown(series: list[Held]) -> dict[str, float]:
+    """Return by how much the medians of the last quarter exceed those of the first."""
+    quarter = max(1, len(series) // 4)
+    first, last = series[:quarter], series[-quarter:]
+    return {
+        name: round(
+            statistics.median(getattr(held, name) for held in last)
+            - statistics.median(getattr(held, name) for held in first),
+            2,
+        )
+        for name in Held._fields
+    }
+
+
+def _tell(what: dict[str, object]) -> None:
+    print(json.dumps(what), flush=True)  # noqa: T201
+
+
+def main() -> int:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(prog="python -m tests.faults.soak", description=__doc__)
+    parser.add_argument(
+        "--hours", type=float, default=24.0, help="of an incident at its usual pace"
+    )
+    parser.add_argument("--speed", type=float, default=60.0, help="times as fast as real")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="clew-soak-") as folder:
+        return 0 if soak(Path(folder), given.hours, given.speed) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
