@@ -304,16 +304,20 @@ class Recorder:
         return going_on
 
     def _write(self, entry: Item | End | Resumed) -> None:
-        self._unsynced.append(entry)
         try:
             entry.write_to(self._file)
+            self._written += isinstance(entry, Item)
+        except OSError:
+            with self._changed:
+                self._queue.appendleft(entry)
+                self._queued_bytes += entry.size_bytes
+            raise
         except (struct.error, OverflowError) as error:
             # A time beyond what the format can hold: that message is lost, not the recording.
             with self._changed:
                 self._dropped += 1
             _log.error("a message cannot be recorded", why=str(error))
-            return
-        self._written += isinstance(entry, Item)
+        self._unsynced.append(entry)
 
     def _seconds_until_sync(self) -> float:
         return max(0, self._synced_ns + SYNC_PERIOD_NS - self._monotonic_ns()) / NS_PER_S

@@ -39,6 +39,9 @@ MAX_PAYLOAD_BYTES = 1 << 20
 EXCERPTS = "clew/excerpts"
 """Topic of the channel for messages that are kept in part, or away from their own key."""
 
+MOST_TOLD, MOST_DETAIL = 4, 40
+"""How much is told of how two recordings differ."""
+
 _NO_SCHEMA = 0
 _MESSAGES = {topic.message.__name__: topic.message for topic in TOPICS.values()}
 
@@ -267,10 +270,40 @@ def _to_be_resumed(part: Path, metadata: Mapping[str, str]) -> WholePart | None:
     elsewhere = "move it, or give this recording another name"
     if whole.ended:
         raise RecorderError(f"{part}: is of an incident that was ended; {elsewhere}")
-    differ = [name for name in metadata if metadata[name] != whole.about.get(name)]
+    differ = _differences(whole.about, metadata)
     if differ:
-        raise RecorderError(f"{part}: was begun with other {', '.join(differ)}; {elsewhere}")
+        told = "; ".join(differ[:MOST_TOLD])
+        raise RecorderError(f"{part}: was begun with other settings: {told}; {elsewhere}")
     return whole
+
+
+def _differences(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """Say in what two recordings' metadata differ; what is JSON, field by field."""
+    before, after = (_flat({name: each.get(name) for name in now}) for each in (then, now))
+    return [
+        f"{name} {_briefly(before.get(name))}, not {_briefly(after.get(name))}"
+        for name in {**before, **after}
+        if before.get(name) != after.get(name)
+    ]
+
+
+def _flat(fields: Mapping[str, object], within: str = "") -> dict[str, object]:
+    found: dict[str, object] = {}
+    for name, value in fields.items():
+        told = value
+        if isinstance(value, str):
+            with suppress(msgspec.DecodeError):
+                told = msgspec.json.decode(value)
+        if isinstance(told, dict):
+            # What the settings are all in need not be named.
+            found |= _flat(told, f"{within}{name}." if told is value else within)
+        else:
+            found[within + name] = value
+    return found
+
+
+def _briefly(value: object) -> str:
+    return "unknown" if value is None else str(value)[:MOST_DETAIL]
 
 
 def _cannot_be_written(path: Path, error: OSError) -> RecorderError:

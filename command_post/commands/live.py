@@ -92,8 +92,8 @@ def run(
     post_id
         Name of this post.
     record
-        Where the recording goes. After a kill or a power cut, the same command goes on with it;
-        otherwise its name must be free.
+        Where the recording goes; its name must be free. After a kill or a power cut the same
+        command goes on with what is unfinished there.
     listen
         Where DAPs and agents find the post; by default port 7447 of this machine alone.
     keys

@@ -132,7 +132,9 @@ def test_one_of_something_else_is_refused_and_left_as_it_is(tmp_path: Path) -> N
     path = tmp_path / "a.mcap"
     part = broken_off(path)
     before = part.read_bytes()
-    with pytest.raises(RecorderError, match="was begun with other incident; move it"):
+    with pytest.raises(
+        RecorderError, match="was begun with other settings: incident test, not another; move it"
+    ):
         RecordingFile(path, {"incident": "another"}, resume=True)
     assert part.read_bytes() == before
 
