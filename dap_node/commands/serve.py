@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from threading import Event
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import structlog
 from cyclopts import Parameter, validators
@@ -25,11 +25,11 @@ from shared.clock import Clock, ManualClock, PacedClock, SystemClock
 from shared.config import load_toml
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
 from shared.files import FileHeldError
-from shared.gate import Gate, Verifier
-from shared.heartbeat import Heartbeat
+from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.journal_place import JournalFile, journal_path
-from shared.messages import NodeId, TimeNs
+from shared.messages import NodeId
+from shared.node import Node
 from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
 from shared.process import (
@@ -123,71 +123,48 @@ def run(
         ):
             if with_parent:
                 stop_with_parent(stop)
-            at_work = _AtWork(
-                bus, incident, dap_id, outbox, introductions.signers, PacedClock(SystemClock()),
-                SystemClock().now_ns(), stop,
+            node = Node(
+                bus, incident, "dap", dap_id, outbox, introductions.signers,
+                PacedClock(SystemClock()), SystemClock().now_ns(), stop,
             )  # fmt: skip
             with (
-                NodeTime(bus, incident, at_work.clock, outbox, kept, at_work.verifier) as node_time,
-                at_work.heartbeat(node_time),
+                NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
+                node.heartbeat(node_time.statement),
             ):
-                _serve(at_work, settings, scanner, None if await_start else speed)
+                _serve(node, settings, scanner, None if await_start else speed)
     except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE if isinstance(error, OSError) else ExitCode.USAGE
     return ExitCode.OK
 
 
-class _AtWork(NamedTuple):
-    """A DAP among others, until ``stop`` is set."""
-
-    bus: Bus
-    incident: NodeId
-    dap_id: NodeId
-    outbox: JournalledOutbox
-    verifier: Verifier | None
-    clock: PacedClock
-    came_ns: TimeNs
-    """Since when the DAP is there, by its own clock."""
-
-    stop: Event
-
-    def heartbeat(self, node_time: NodeTime) -> Heartbeat:
-        """Return the DAP's, which answers for its journal."""
-        return Heartbeat(
-            self.bus, self.incident, "dap", self.dap_id, self.outbox,
-            verifier=self.verifier, now_ns=self.clock.now_ns, clock_statement=node_time.statement,
-        )  # fmt: skip
-
-
 def _serve(
-    at_work: _AtWork, settings: DapSettings, scanner: SimulatedScanner, speed: float | None
+    node: Node, settings: DapSettings, scanner: SimulatedScanner, speed: float | None
 ) -> None:
     """Follow the scanner from now on at ``speed``; without, from the exercise's start at its own.
 
     Then stay for those who may need a relay. Who comes to an exercise late follows it from then on.
     """
-    bus, incident, dap_id, outbox, verifier, clock, came_ns, stop = at_work
-    gate = Gate(verifier)
-    node = DapNode(bus, incident, dap_id, settings, outbox=outbox, gate=gate)
-    said = outbox.newest(str(Key(incident, "dap", dap_id, "installation")))
+    bus, incident, outbox = node.bus, node.incident, node.outbox
+    gate = Gate(node.verifier)
+    dap = DapNode(bus, incident, node.node_id, settings, outbox=outbox, gate=gate)
+    said = outbox.newest(str(Key(incident, "dap", node.node_id, "installation")))
     if outbox.broken_off and said is not None:
-        node.go_on(said)
+        dap.go_on(said)
     company = Company(bus, incident)
-    start_ns = clock.now_ns()
+    start_ns = node.clock.now_ns()
     if speed is None:
-        exercise = await_exercise(bus, incident, gate, stop)
+        exercise = await_exercise(bus, incident, gate, node.stop)
         if exercise is None:
             return
         start_ns, speed = exercise.event_time_ns, exercise.speed
-    clock.run_from(start_ns, speed)
+    node.clock.run_from(start_ns, speed)
     observations = scanner.observations(start_ns)
-    if start_ns < came_ns:
-        observations = from_then_on(
-            observations, clock.now_ns(), is_set_down=node.stage != "carried"
-        )
-    follow(node, observations, clock, stop)
-    company.wait_until_gone(stop)
+    if start_ns < node.came_ns:
+        knows_place = dap.stage != "carried"
+        observations = from_then_on(observations, node.clock.now_ns(), is_set_down=knows_place)
+    follow(dap, observations, node.clock, node.stop)
+    company.wait_until_gone(node.stop)
 
 
 def from_then_on(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import dropwhile
 from threading import Event
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import structlog
 from cyclopts import Parameter, validators
@@ -20,16 +20,16 @@ from edge_agent.orders import OrderBook
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
-from shared.bus.zenoh_bus import ZenohBus, open_zenoh
+from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import Clock, PacedClock, SystemClock
 from shared.config import ConfigError, checked
 from shared.exercise import await_exercise
 from shared.files import FileHeldError
-from shared.gate import Gate, Verifier
-from shared.heartbeat import Heartbeat
+from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.journal_place import JournalFile, journal_path
-from shared.messages import LocalPosition, NodeId, TimeNs, TrackStart
+from shared.messages import LocalPosition, NodeId, TrackStart
+from shared.node import Node
 from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
 from shared.process import (
@@ -41,7 +41,6 @@ from shared.process import (
 )
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
-from shared.sender import Sender
 from shared.topics import alive_key, check_id, finished_key
 
 LINGER_POLL_S = 0.2
@@ -145,7 +144,11 @@ def run(
         ):
             if with_parent:
                 stop_with_parent(stop)
-            sender = Sender(bus, incident, "responder", responder_id, outbox)
+            node = Node(
+                bus, incident, "responder", responder_id, outbox, introductions.signers,
+                PacedClock(SystemClock()), SystemClock().now_ns(), stop,
+            )  # fmt: skip
+            sender = node.sender()
             place = _place(start) or opened.start
             agent = Agent(
                 sender, mount, method, place, sends_imu=imu, stands_at=known_point,
@@ -155,20 +158,16 @@ def run(
                 _log.warning("goes on where it was broken off: the post knows where they stand")
                 agent.forget_place()
             bus.answer(sender.key(TrackStart), lambda _: agent.start_payload)
-            unit = _Unit(
-                agent, bus, incident, responder_id, outbox, introductions.signers,
-                PacedClock(SystemClock()), SystemClock().now_ns(), stop,
-            )  # fmt: skip
             with (
-                NodeTime(bus, incident, unit.clock, outbox, kept, unit.verifier) as node_time,
-                unit.heartbeat(node_time),
-                unit.order_desk(check_id(post_id, "--post"), acknowledged),
+                NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
+                node.heartbeat(node_time.statement),
+                _order_desk(node, check_id(post_id, "--post"), acknowledged),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
                 if await_start:
-                    _take_part(unit, opened)
+                    _take_part(node, agent, opened)
                 else:
-                    _play(unit, opened, speed)
+                    _play(node, agent, opened, speed)
             tell_losses(agent, mount.faults, bus.unsent)
     except (SourceError, ConfigError, ValueError, FileHeldError) as error:
         _log.error(str(error))
@@ -176,75 +175,51 @@ def run(
     return ExitCode.OK
 
 
-class _Unit(NamedTuple):
-    """A responder's unit among others, until ``stop`` is set."""
-
-    agent: Agent
-    bus: ZenohBus
-    incident: NodeId
-    responder_id: NodeId
-    outbox: JournalledOutbox
-    verifier: Verifier | None
-    clock: PacedClock
-    came_ns: TimeNs
-    """Since when the unit is there, by its own clock."""
-
-    stop: Event
-
-    def heartbeat(self, node_time: NodeTime) -> Heartbeat:
-        """Return the unit's, which answers for its journal."""
-        return Heartbeat(
-            self.bus, self.incident, "responder", self.responder_id, self.outbox,
-            verifier=self.verifier, now_ns=self.clock.now_ns, clock_statement=node_time.statement,
-        )  # fmt: skip
-
-    def order_desk(self, post_id: NodeId, acknowledged: Event) -> OrderDesk:
-        """Return where the orders of the post ``post_id`` come in."""
-        sender = Sender(self.bus, self.incident, "responder", self.responder_id, self.outbox)
-        return OrderDesk(
-            self.bus, self.incident, OrderBook(self.responder_id, post_id), sender,
-            Gate(self.verifier), self.clock, acknowledged, tell_wearer,
-        )  # fmt: skip
-
-    def wait_until_safe(self) -> None:
-        """Wait until a post has all that the journal holds safe; not for one that never says so."""
-        waited_s = 0.0
-        while waited_s < MOST_LINGER_S and not self.stop.wait(LINGER_POLL_S):
-            if all(each.acknowledged == each.last_number for each in self.outbox.holdings()):
-                return
-            waited_s = waited_s + LINGER_POLL_S if self.bus.connected() else 0.0
-        _log.warning(
-            "what no post has yet is in the journal: a later start with it brings it there"
-        )
+def _order_desk(node: Node, post_id: NodeId, acknowledged: Event) -> OrderDesk:
+    """Return where the orders of the post ``post_id`` come in."""
+    return OrderDesk(
+        node.bus, node.incident, OrderBook(node.node_id, post_id), node.sender(),
+        Gate(node.verifier), node.clock, acknowledged, tell_wearer,
+    )  # fmt: skip
 
 
-def _play(unit: _Unit, source: Source, speed: float) -> None:
-    """Follow ``source`` from now on, link or no link."""
-    begin_ns = unit.clock.now_ns()
-    unit.clock.run_from(begin_ns, speed)
-    if _follow(unit.agent, source.beginning_at(begin_ns), unit.clock, unit.stop):
-        unit.wait_until_safe()
+def _play(node: Node, agent: Agent, source: Source, speed: float) -> None:
+    """Follow ``source`` from now on, link or no link, and stay until a post has all of it."""
+    begin_ns = node.clock.now_ns()
+    node.clock.run_from(begin_ns, speed)
+    if _follow(agent, source.beginning_at(begin_ns), node.clock, node.stop):
+        _wait_until_safe(node)
 
 
-def _take_part(unit: _Unit, source: Source) -> None:
+def _wait_until_safe(node: Node) -> None:
+    """Wait until a post has all that the journal holds safe; not for one that never says so."""
+    waited_s = 0.0
+    while waited_s < MOST_LINGER_S and not node.stop.wait(LINGER_POLL_S):
+        if all(each.acknowledged == each.last_number for each in node.outbox.holdings()):
+            return
+        waited_s = waited_s + LINGER_POLL_S if node.bus.connected() else 0.0
+    _log.warning("what no post has yet stays in the journal: the next start brings it there")
+
+
+def _take_part(node: Node, agent: Agent, source: Source) -> None:
     """Follow ``source`` from the start of the exercise, at its speed.
 
     Who comes later follows it from then on: what a sensor read before is gone. The wearer then
     stays where they are, until the exercise is over for everybody.
     """
-    exercise = await_exercise(unit.bus, unit.incident, Gate(unit.verifier), unit.stop)
+    exercise = await_exercise(node.bus, node.incident, Gate(node.verifier), node.stop)
     if exercise is None:
         return
     begin_ns = exercise.event_time_ns
-    unit.clock.run_from(begin_ns, exercise.speed)
+    node.clock.run_from(begin_ns, exercise.speed)
     readings = source.beginning_at(begin_ns)
-    if begin_ns < unit.came_ns:
-        now_ns = unit.clock.now_ns()
+    if begin_ns < node.came_ns:
+        now_ns = node.clock.now_ns()
         readings = dropwhile(lambda reading: reading.time_ns < now_ns, readings)
-        unit.agent.forget_place()
-    _follow(unit.agent, readings, unit.clock, unit.stop)
-    unit.bus.declare_alive(finished_key(unit.incident, unit.responder_id))
-    unit.stop.wait()
+        agent.forget_place()
+    _follow(agent, readings, node.clock, node.stop)
+    node.bus.declare_alive(finished_key(node.incident, node.node_id))
+    node.stop.wait()
 
 
 def tell_losses(agent: Agent, faults: Faults, unsent: int) -> None:
