@@ -165,6 +165,7 @@ class Recorder:
         self._fault: str | None = None
         self._synced_ns = monotonic_ns()
         self._closing = False
+        self._finishes = True
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -251,7 +252,8 @@ class Recorder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close."""
+        """Close; after an error leave the recording unfinished, to be gone on with."""
+        self._finishes = kind is None
         self.close()
 
     def _enqueue(self, entry: Entry) -> None:
@@ -278,7 +280,11 @@ class Recorder:
             while self._step():
                 self._sync_if_due()
             self._tell_dropped()
-            self._file.finish()
+            if self._finishes:
+                self._file.finish()
+            else:
+                self._file.sync()
+                self._file.abandon()
         except OSError as error:
             self._take_back(error)
             if last_try:

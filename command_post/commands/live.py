@@ -154,10 +154,10 @@ def run(
                 state = checkpoint_path(record)
                 part = recorder.unfinished
                 kept = None if part is None else load(state, part, settings)
-                incident_ = Incident(settings) if kept is None else kept.state.incident
+                begun = Incident(settings) if kept is None else kept.state.incident
                 noted = record.with_name(f"{record.name}.clock")
                 post = Post(
-                    bus, incident_, recorder, continued_clock(noted, goes_on=part is not None),
+                    bus, begun, recorder, continued_clock(noted, goes_on=part is not None),
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=introductions.meet, sign=None if bundle is None else bundle.sign,

@@ -18,16 +18,14 @@ from command_post.resume import resume
 from shared.codec import encode
 from shared.gate import Gate, JournalRun
 from shared.mcap_reader import read_recording
-from shared.messages import DapInstallation, Message, RssiPeak
 from shared.seal import sealed
-from shared.topics import TOPICS, Key, Role
+from shared.topics import Key
 from shared.units import NS_PER_S
 from tests.benchmarks.crowd import crowd
+from tests.benchmarks.test_team_speed import role_of, topic_of
 from tests.waiting import wait_for
 
 SETTINGS = IncidentSettings(incident="fire")
-ROLE: dict[type[Message], Role] = {DapInstallation: "dap", RssiPeak: "dap"}
-TOPIC = {topic.message: topic.name for topic in TOPICS.values()}
 RUN = b"\x01" * 8
 
 
@@ -37,8 +35,7 @@ class Heard:
     def __init__(self, responders: int, minutes: float) -> None:
         self.messages = []
         for number, (node_id, message) in enumerate(crowd(1, responders, minutes, 1.0, 3), 1):
-            role = ROLE.get(type(message), "responder")
-            key = str(Key("fire", role, node_id, TOPIC[type(message)]))
+            key = str(Key("fire", role_of(message), node_id, topic_of(message)))
             payload = encode(message)
             if number % 50 == 0:
                 payload = sealed(payload, RUN, number)

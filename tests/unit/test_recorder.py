@@ -71,6 +71,18 @@ def test_all_that_is_put_is_in_the_finished_file(tmp_path: Path) -> None:
     assert recorder.close() == recorder.status()
 
 
+def test_after_an_error_it_is_left_to_be_gone_on_with(tmp_path: Path) -> None:
+    sent = list(traffic(5))
+    recorder = Recorder(tmp_path / "a.mcap", {})
+    for time_ns, key, payload in sent:
+        recorder.put(key, payload, time_ns)
+    recorder.__exit__(LookupError, LookupError(), None)
+    assert not (tmp_path / "a.mcap").exists()
+    with Recorder(tmp_path / "a.mcap", {}, resume=True) as recorder:
+        assert recorder.unfinished is not None
+        assert len(list(read_recording(recorder.unfinished))) == len(sent)
+
+
 def test_messages_over_the_bound_are_dropped_counted_and_told(tmp_path: Path, gate: Gate) -> None:
     recorder = Recorder(tmp_path / "a.mcap", {}, queue_messages=5)
     recorder.put("key", b"0", 0)

@@ -15,15 +15,14 @@ from command_post.resume import Resumed, resume
 from shared.codec import encode
 from shared.gate import Gate, JournalRun
 from shared.mcap_reader import read_recording
-from shared.messages import DapInstallation, Message, OdometryIncrement, RssiPeak, TrackStart
+from shared.messages import DapInstallation, OdometryIncrement, RssiPeak, TrackStart
 from shared.seal import sealed
-from shared.topics import TOPICS, Key, Role
+from shared.topics import Key
 from shared.units import NS_PER_S
 from tests.benchmarks.crowd import crowd
+from tests.benchmarks.test_team_speed import role_of, topic_of
 
 SETTINGS = IncidentSettings(incident="fire")
-ROLE: dict[type[Message], Role] = {DapInstallation: "dap", RssiPeak: "dap"}
-TOPIC = {topic.message: topic.name for topic in TOPICS.values()}
 RUN = b"\x01" * 8
 Heard = tuple[int, str, bytes]
 
@@ -34,7 +33,7 @@ def heard() -> list[Heard]:
     found: list[Heard] = []
     numbers: dict[str, int] = {}
     for node_id, message in crowd(1, 3, 1.0, 1.0, 3):
-        key = str(Key("fire", ROLE.get(type(message), "responder"), node_id, TOPIC[type(message)]))
+        key = str(Key("fire", role_of(message), node_id, topic_of(message)))
         number = numbers[node_id] = numbers.get(node_id, 0) + 1
         payload = sealed(encode(message), RUN, number)
         found.append((message.event_time_ns + NS_PER_S // 20, key, payload))
