@@ -76,9 +76,7 @@ class Journal:
     broken_off: bool
     """Whether the last process that had the journal was killed, or lost power."""
 
-    _last_number: int
-    _first_number: int | None
-    _acknowledged: int
+    _holding: Holding
 
     def __init__(self, path: Path, now_ns: Callable[[], int] = time.time_ns) -> None:
         """Open the journal, or begin it.
@@ -106,17 +104,16 @@ class Journal:
         is not enough, and where the disk fails: the number is then given to the next message.
         """
         with self._writing, _as_journal_error(self.path):
-            payload = seal_as(self.run, self._last_number + 1)
-            checksum = _checksum(key, payload)
-            row = (self._last_number + 1, self._now_ns(), key, payload, checksum)
+            number = self._holding.last_number + 1
+            payload = seal_as(self.run, number)
+            row = (number, self._now_ns(), key, payload, _checksum(key, payload))
             try:
                 self._insert(row)
             except sqlite3.OperationalError as error:
                 if not _is_full(error):
                     raise
                 self._insert_in_room_made(row)
-            self._last_number += 1
-            self._first_number = self._first_number or self._last_number
+            self._holding = self._holding._replace(last_number=number)
         return payload
 
     def rows(self, first: int, last: int, most_rows: int, most_bytes: int) -> list[Row]:
@@ -148,9 +145,9 @@ class Journal:
     def acknowledge(self, number: int) -> None:
         """Note that all up to ``number`` are safe elsewhere. Raises ``JournalError``."""
         with self._writing, _as_journal_error(self.path):
-            if self._acknowledged < number <= self._last_number:
+            if self._holding.acknowledged < number <= self._holding.last_number:
                 self._writer.execute("UPDATE about SET acknowledged = ?", (number,))
-                self._acknowledged = number
+                self._holding = self._holding._replace(acknowledged=number)
 
     def trim(self) -> None:
         """Remove what has been safe elsewhere for long. Raises ``JournalError``."""
@@ -159,14 +156,12 @@ class Journal:
                 "DELETE FROM message WHERE number <= ? AND written_ns < ?",
                 (self._disposable, self._now_ns() - KEPT_NS),
             )
-            self._first_number = self._found_first()
+            self._note_first()
             self._keep_reserve()
 
     def holding(self) -> Holding:
-        """Say what is held."""
-        with self._writing:
-            first = self._first_number or self._last_number + 1
-            return Holding(self.run, self._last_number, first, self._acknowledged)
+        """Say what is held, without waiting for what is being written."""
+        return self._holding
 
     def close(self) -> None:
         """Close the file and let go of it. Closing twice is harmless."""
@@ -178,7 +173,7 @@ class Journal:
     @property
     def _disposable(self) -> int:
         """Up to which number messages may go: the last one stays, for it keeps the count."""
-        return min(self._acknowledged, self._last_number - 1)
+        return min(self._holding.acknowledged, self._holding.last_number - 1)
 
     @property
     def _reserve(self) -> Path:
@@ -198,7 +193,7 @@ class Journal:
         if self.broken_off:
             _log.warning(
                 "the journal was not closed: at most the message is missing that was being written",
-                journal=str(self.path), last_number=self._last_number,
+                journal=str(self.path), last_number=self._holding.last_number,
             )  # fmt: skip
         with suppress(sqlite3.OperationalError, OSError):
             self._keep_reserve()
@@ -208,17 +203,16 @@ class Journal:
             self._writer = opened.enter_context(_connection(self.path))
             self._reader = opened.enter_context(_connection(self.path))
             _prepare(self._writer, self.path)
-            self.run, self._acknowledged, self.broken_off = _about(self._writer)
+            self.run, acknowledged, self.broken_off = _about(self._writer)
             self._writer.execute("UPDATE about SET in_use = 1")
             newest = self._writer.execute("SELECT max(number) FROM message").fetchone()[0]
-            self._last_number = newest or 0
-            self._first_number = self._found_first()
+            self._holding = Holding(self.run, newest or 0, 1, acknowledged)
+            self._note_first()
             self._open.push(opened.pop_all())
 
-    def _found_first(self) -> int | None:
-        """Return the lowest number that is there."""
+    def _note_first(self) -> None:
         first = self._writer.execute("SELECT min(number) FROM message").fetchone()[0]
-        return None if first is None else int(first)
+        self._holding = self._holding._replace(kept_from=first or self._holding.last_number + 1)
 
     def _insert(self, row: _Written) -> None:
         self._writer.execute("INSERT INTO message VALUES (?, ?, ?, ?, ?)", row)
@@ -233,7 +227,7 @@ class Journal:
                 "(SELECT number FROM message WHERE number <= ? ORDER BY number LIMIT ?)",
                 (self._disposable, DROPPED_AT_ONCE),
             ).rowcount
-            self._first_number = self._found_first()
+            self._note_first()
             try:
                 self._insert(row)
             except sqlite3.OperationalError as error:
@@ -243,7 +237,7 @@ class Journal:
                 break
         _log.warning(
             "the disk is full: old acknowledged messages have made room",
-            journal=str(self.path), kept_from=self._first_number,
+            journal=str(self.path), kept_from=self._holding.kept_from,
         )  # fmt: skip
 
     def _checkpoint(self) -> None:

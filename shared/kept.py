@@ -29,6 +29,9 @@ class Holding(NamedTuple):
 class Keeps(Protocol):
     """Keeps what is said, under a run and numbers of its own."""
 
+    run: bytes
+    """Names the run."""
+
     def append(self, key: str, seal_as: SealAs) -> bytes:
         """Keep the next message, and return it sealed. Raises ``JournalError``."""
 

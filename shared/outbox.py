@@ -100,7 +100,7 @@ class JournalledOutbox:
         """Return what is held of ``run``, as ``shared.kept.Keeps.rows``; none on a fault."""
         try:
             for each in self._kept():
-                if each.holding().run == run:
+                if each.run == run:
                     return each.rows(first, last, most_rows, most_bytes)
         except JournalError as error:
             _log.error("the journal cannot be read", why=str(error))

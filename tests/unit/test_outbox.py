@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from structlog.testing import capture_logs
@@ -119,18 +120,21 @@ def test_a_disk_that_does_not_answer_holds_nobody_up_twice(
 ) -> None:
     monkeypatch.setattr("shared.outbox.PATIENCE_S", 0.1)
     on_disk, answers = say(outbox, 0), threading.Event()
-    append = Journal.append
+    insert = Journal._insert
 
-    def append_late(self: Journal, key: str, seal_as: SealAs) -> bytes:
+    def insert_late(self: Journal, row: Any) -> None:
         assert answers.wait(20.0)
-        return append(self, key, seal_as)
+        insert(self, row)
 
-    monkeypatch.setattr(Journal, "append", append_late)
+    monkeypatch.setattr(Journal, "_insert", insert_late)
     said = [say(outbox, number) for number in range(1, 4)]
     assert [seal.number for seal in said] == [1, 2, 3]
     assert said[0].run != on_disk.run
     assert outbox.fault is not None
     assert "does not answer" in outbox.fault
+    assert numbers(outbox, on_disk.run) == [1]
+    assert numbers(outbox, said[0].run) == [1, 2, 3]
+    assert [holding.last_number for holding in outbox.holdings()] == [1, 3]
     answers.set()
     monkeypatch.setattr("shared.outbox.PATIENCE_S", 20.0)
     disk.now_s += TRY_AGAIN_S
