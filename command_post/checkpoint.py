@@ -32,8 +32,8 @@ from shared.gate import Remembered
 WORTH_S = 2.0
 """So much work is not to be done again after a kill."""
 
-SHARE = 0.1
-"""Of the work at most so much goes into keeping it."""
+SHARE = 0.005
+"""Of the time at most so much goes into keeping it: all that comes meanwhile has to wait."""
 
 TAIL_BYTES = 1 << 16
 """What stands before its place in a recording shows that it is of that recording."""
@@ -84,6 +84,7 @@ class Checkpoints:
         self._software = software()
         self._worked_s = 0.0
         self._last_took_s = 0.0
+        self._kept_s = time.monotonic()
         self._writing = False
 
     def work(self, seconds: float) -> None:
@@ -93,8 +94,9 @@ class Checkpoints:
     @property
     def is_due(self) -> bool:
         """Whether it is worth keeping the state now."""
-        worth_s = max(WORTH_S, self._last_took_s / SHARE)
-        return self._worked_s >= worth_s and not self._writing and self._recorder.has_room
+        is_long_ago = (time.monotonic() - self._kept_s) * SHARE >= self._last_took_s
+        is_worth_it = self._worked_s >= WORTH_S and is_long_ago
+        return is_worth_it and not self._writing and self._recorder.has_room
 
     def keep(self, state: State) -> None:
         """Keep ``state``, of all that the recorder has been given until now, once that is safe."""
@@ -102,6 +104,7 @@ class Checkpoints:
         pickled = pickle.dumps(state, protocol=5)
         self._last_took_s = time.perf_counter() - began_s
         self._worked_s = 0.0
+        self._kept_s = time.monotonic()
         self._writing = self._recorder.when_safe(lambda position: self._write(pickled, position))
 
     def _write(self, pickled: bytes, position_bytes: int) -> None:

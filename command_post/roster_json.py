@@ -12,6 +12,7 @@ def roster_json(roster: Roster) -> bytes:
     return msgspec.json.encode(
         {
             "now_ns": roster.now_ns,
+            "remarks": roster.remarks,
             "responders": [
                 {**row._asdict(), "orders": [one._asdict() for one in row.orders]}
                 for row in roster.responders

@@ -79,24 +79,6 @@ class Bonds:
         self.passed_ns: dict[str, dict[str, int]] = {}
         self.met_ns: dict[tuple[str, str], int] = {}
 
-    @classmethod
-    def of(cls, log: TeamLog, settings: TeamSettings) -> Bonds:
-        """Return those of all that was heard."""
-        bonds = cls()
-        for responder_id, own in log.responders.items():
-            for start in own.starts:
-                bonds.note_began(responder_id, start.time_ns)
-            for move in own.moves.messages()[:1]:
-                bonds.note_began(responder_id, move.event_time_ns)
-            for peak in own.peaks:
-                if peak.peak_dbm >= settings.sharpness.least_dbm:
-                    bonds.note_passed(responder_id, peak.other_id, peak.time_ns)
-            for near in own.nears:
-                bonds.note_passed(responder_id, near.other_id, near.time_ns)
-            for contact in own.contacts:
-                bonds.note_met(responder_id, contact.other_id, contact.time_ns)
-        return bonds
-
     def note_began(self, responder_id: str, time_ns: int) -> bool:
         """Note that a responder started or moved."""
         return _note(self.began_ns, responder_id, time_ns)

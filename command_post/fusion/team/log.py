@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right, insort
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
@@ -251,17 +250,6 @@ class TeamLog:
         if responder_id not in self.responders and len(self.responders) >= MOST_RESPONDERS:
             return ResponderLog()
         return self.responders.setdefault(responder_id, ResponderLog())
-
-    def times_ns(self) -> Iterator[int]:
-        """Yield the times of all that was heard."""
-        for log in self.responders.values():
-            yield from log.moves.until(END_OF_TIME_NS).end_ns.tolist()
-            for events in (log.starts, log.peaks, log.nears, log.contacts, log.fixes, log.heights):
-                yield from (event.time_ns for event in events)
-        for installs in self.daps.values():
-            yield from (each.time_ns for each in installs)
-        for heights in self.dap_heights.values():
-            yield from (each.time_ns for each in heights)
 
     def add_start(self, responder_id: str, said: TrackStart) -> bool:
         """A unit begins."""

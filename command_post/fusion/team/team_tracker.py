@@ -32,7 +32,6 @@ from command_post.fusion.team.estimates import (
 from command_post.fusion.team.front import cloud_before, told_by_cloud
 from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.log import END_OF_TIME_NS, Floats, TeamLog
-from command_post.fusion.team.saving import loaded_log, saved_log
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution, concerning
@@ -67,7 +66,10 @@ class TeamTracker:
     def __init__(self, settings: TeamSettings) -> None:
         self._settings = settings
         self._tick_ns = round(settings.tick_s * NS_PER_S)
-        self._begin(TeamLog())
+        self._log = TeamLog()
+        self._bonds = Bonds()
+        self._commits = Commits(self._log, self._bonds, settings)
+        self._agenda = Agenda(self._commits, settings)
         self._solved_ns = -1
         self._poses: dict[str, Pose] = {}
         self._kept_ns: dict[str, int] = {}
@@ -82,12 +84,6 @@ class TeamTracker:
         self._changed_daps: dict[str, InstalledDap] = {}
         self._changed: dict[str, Estimate] = {}
         self.counts: Counter[str] = Counter()
-
-    def _begin(self, log: TeamLog) -> None:
-        self._log = log
-        self._bonds = Bonds.of(log, self._settings)
-        self._commits = Commits(log, self._bonds, self._settings)
-        self._agenda = Agenda(self._commits, self._settings)
 
     @property
     def daps(self) -> Mapping[str, InstalledDap]:
@@ -201,30 +197,6 @@ class TeamTracker:
             tracks |= smoothed_tracks(solved, heights, self._settings)
             daps |= self._commits.published(crew, latest, daps_of(log, solved, heights))
         return Afterwards(tracks, daps)
-
-    def save(self) -> bytes:
-        """Return bytes from which ``load`` makes a tracker that goes on as this one would."""
-        return saved_log(self._log, self._agenda.until_ns)
-
-    @classmethod
-    def load(cls, saved: bytes, settings: TeamSettings) -> TeamTracker:
-        """Return the tracker that was saved, to the bit. Raises ``ValueError`` for other bytes.
-
-        What had been heard is kept, and the solutions are made of it again.
-        """
-        tracker = cls(settings)
-        log, ticked_ns = loaded_log(saved)
-        tracker._begin(log)
-        for time_ns in log.times_ns():
-            tracker._commits.note(time_ns)
-        if ticked_ns >= 0:
-            tracker._tick(ticked_ns + 1)
-        for responder_id, own in log.responders.items():
-            kept_ns = tracker._kept_ns.get(responder_id, -1)
-            if own.moves.after(kept_ns).end_ns.size or (own.starts and kept_ns < 0):
-                tracker._tell(responder_id)
-        tracker.take_changes()
-        return tracker
 
     def _latest_ns(self) -> int | None:
         times = [
