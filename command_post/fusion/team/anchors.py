@@ -57,7 +57,10 @@ def anchors_of(
         if place_id[0] == "dap":
             dap_id, since_ns = place_id[1], int(place_id[2])
             said = next(each for each in log.daps[dap_id] if each.time_ns == since_ns)
-            found = Installed(since_ns, None, position_of(solved, heights, place), said.said_ns)
+            found = Installed(
+                since_ns, None, position_of(solved, heights, place), said.said_ns,
+                found=not solved.assembled.aside_m2[place],
+            )  # fmt: skip
             others = stood[dap_id].installed if dap_id in stood else ()
             stood[dap_id] = Stood(time_ns, tuple(sorted((*others, found), key=_since)))
     return Anchors(until_ns, starts, stood, past)

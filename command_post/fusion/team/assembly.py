@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from command_post.fusion.team.chain import (
 from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
 from command_post.fusion.team.log import Floats, Ints, TeamLog
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.ties import Known, PlaceId, Tie, level_sd_m, ties_of
+from command_post.fusion.team.ties import PlaceId, Tie, asides_m2, level_sd_m, ties_of
 from shared.units import NS_PER_S
 
 UNKNOWN_SD_M = 1000.0
@@ -49,7 +49,9 @@ class Assembled:
 
     ``chains`` in the graph's order; ``nodes`` the stances that are nodes, by chain; ``places`` in
     the arrow's order, with the chain's node by which each is first tied (``seen_at``). Of
-    passes of DAPs the standard deviations are ``tie_scale`` times what the settings say.
+    passes of DAPs the standard deviations are ``tie_scale`` times what the settings say. A place
+    is here where it is passed: of a known one that may be aside of where it stands, each way with
+    the variance ``aside_m2``, which the graph has in what is known of it.
     """
 
     graph: Graph
@@ -61,6 +63,7 @@ class Assembled:
     seen_at: list[int] = field(default_factory=list)
     installed_by: list[int] = field(default_factory=list)
     tie_scale: float = 1.0
+    aside_m2: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
     def arrow_size(self) -> int:
@@ -100,8 +103,14 @@ def assemble(
         for tie in ties
     ]
     fixes = _fixes(log, chains, until_ns, settings)
-    assembled = _build(chains, ties, known, fixes, belief, settings)
+    asides = asides_m2(ties, known, settings)
+    held = {
+        place: (each.north_m, each.east_m, math.hypot(each.sd_m, math.sqrt(asides.get(place, 0.0))))
+        for place, each in known.items()
+    }
+    assembled = _build(chains, ties, held, fixes, belief, settings)
     assembled.tie_scale = tie_scale
+    assembled.aside_m2 = np.array([asides.get(place, 0.0) for place in assembled.places])
     return assembled
 
 
@@ -141,7 +150,7 @@ def _fixes(
 def _build(
     chains: list[Chain],
     ties: list[Tie],
-    known: dict[PlaceId, Known],
+    known: Mapping[PlaceId, tuple[float, float, float]],
     fixes: list[_FixRow],
     belief: AxisBelief,
     settings: TeamSettings,

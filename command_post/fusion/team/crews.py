@@ -248,7 +248,9 @@ def crew_log(
 def _unowned(installed: Installed) -> Installed:
     if installed.position is not None:
         return installed
-    return installed._replace(installer_id=None, position=ANYWHERE, said_ns=installed.time_ns)
+    return installed._replace(
+        installer_id=None, position=ANYWHERE, said_ns=installed.time_ns, found=True
+    )
 
 
 def daps_of_earlier(bonds: Bonds, crews: Crews, crew: Crew, until_ns: int) -> list[str]:

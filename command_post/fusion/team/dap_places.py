@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+import numpy as np
+
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.team.height_assembly import Heights
 from command_post.fusion.team.log import Installed, TeamLog
@@ -38,7 +40,9 @@ def places_of(
     for place, place_id in enumerate(solved.assembled.places):
         if place_id[0] == "dap" and place_id[1] in owned:
             dap_id, installed_ns = place_id[1], int(place_id[2])
-            stood = Installed(installed_ns, None, position_of(solved, heights, place))
+            position = position_of(solved, heights, place)
+            is_known = bool(solved.assembled.aside_m2[place])
+            stood = Installed(installed_ns, None, position, found=not is_known)
             found[dap_id] = (*found.get(dap_id, ()), stood)
     return {dap_id: tuple(sorted(stood, key=_since)) for dap_id, stood in found.items()}
 
@@ -48,10 +52,19 @@ def _since(installed: Installed) -> int:
 
 
 def position_of(solved: Solved, heights: Heights, place: int) -> LocalPosition:
-    """Return where a place is in a solution, and how surely."""
-    column = solved.assembled.place_column(place)
-    north_m, east_m = solved.arrow[column : column + 2].tolist()
-    (nn, ne), (_, ee) = solved.shared[column : column + 2, column : column + 2].tolist()
+    """Return where a place is in a solution, and how surely.
+
+    Of one that was known it is passed aside of where it stands: by how much is known from both.
+    """
+    assembled = solved.assembled
+    column = assembled.place_column(place)
+    passed_m = solved.arrow[column : column + 2]
+    passed_m2 = solved.shared[column : column + 2, column : column + 2]
+    known_m, known_sd_m = assembled.graph.place[place, :2], assembled.graph.place[place, 2]
+    aside_m2 = assembled.aside_m2[place]
+    share = 1.0 - aside_m2 / known_sd_m**2
+    north_m, east_m = (known_m + share * (passed_m - known_m)).tolist()
+    (nn, ne), (_, ee) = (share**2 * passed_m2 + share * aside_m2 * np.eye(2)).tolist()
     return LocalPosition(
         north_m=within(north_m, MOST_COORDINATE_M),
         east_m=within(east_m, MOST_COORDINATE_M),

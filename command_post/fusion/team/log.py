@@ -79,13 +79,15 @@ class Height(NamedTuple):
 class Installed(NamedTuple):
     """A DAP set down: when, by whom, or where.
 
-    ``said_ns`` is the time that it gave itself, where another is supposed.
+    ``said_ns`` is the time that it gave itself, where another is supposed. It may have been
+    ``found`` there by those who passed it.
     """
 
     time_ns: int
     installer_id: str | None
     position: LocalPosition | None
     said_ns: int | None = None
+    found: bool = False
 
 
 class Moves(NamedTuple):

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from command_post.fusion.team.arithmetic import logarithm, rotated
-from command_post.fusion.team.graph import AXIS, FIRST_UNIT, LEAD, PLACE_DOF, TURN_DOF, Graph
+from command_post.fusion.team.graph import (
+    AXIS,
+    FIRST_UNIT,
+    LEAD,
+    LOOSE_SCALE_SD,
+    PLACE_DOF,
+    TURN_DOF,
+    Graph,
+)
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -89,9 +97,9 @@ def _add_moves(graph: Graph, pose: Floats, arrow: Floats, system: System) -> flo
         scale = graph.move_at[row, 1]
         north, east, duration_s, sd_m, sd_rad = graph.move[row]
         vn, ve = rotated(0.5 * (pose[a, 2] + pose[c, 2]), north, east)
-        longer = 1.0 + arrow[scale]
-        un = longer * vn
-        ue = longer * ve
+        longer = _longer(graph, arrow, scale)
+        un = (1.0 + arrow[scale]) * vn
+        ue = (1.0 + arrow[scale]) * ve
         rn = pose[c, 0] - pose[a, 0] - un
         re = pose[c, 1] - pose[a, 1] - ue
         sd_m *= longer
@@ -99,7 +107,7 @@ def _add_moves(graph: Graph, pose: Floats, arrow: Floats, system: System) -> flo
         weight, penalty = _robust(squared, PLACE_DOF, 2.0)
         cost += penalty
         k = weight / (sd_m * sd_m)
-        _add_stretch(system, scale, weight * squared, longer)
+        _add_stretch(graph, system, scale, weight * squared, longer)
         # Derivatives by either end's turn; by the ends' places they are -1 and +1.
         gn = 0.5 * ue
         ge = -0.5 * un
@@ -112,8 +120,16 @@ def _add_moves(graph: Graph, pose: Floats, arrow: Floats, system: System) -> flo
 
 
 @compiled
-def _add_stretch(system: System, scale: int, weighed: float, longer: float) -> None:
+def _longer(graph: Graph, arrow: Floats, scale: int) -> float:
+    """Return how many true metres a unit's own metre is: one, if nobody can tell beforehand."""
+    return 1.0 + arrow[scale] if graph.unit_sd[scale - FIRST_UNIT] < LOOSE_SCALE_SD else 1.0
+
+
+@compiled
+def _add_stretch(graph: Graph, system: System, scale: int, weighed: float, longer: float) -> None:
     """Add what a residual says of a scale by its standard deviation, which grows with it."""
+    if graph.unit_sd[scale - FIRST_UNIT] >= LOOSE_SCALE_SD:
+        return
     system.arrow_right[scale] += weighed / longer
     system.arrow[scale, scale] += weighed / (longer * longer)
 
@@ -207,13 +223,13 @@ def _add_ties(graph: Graph, pose: Floats, arrow: Floats, system: System) -> floa
         rn = pose[a, 0] + on - arrow[place]
         re = pose[a, 1] + oe - arrow[place + 1]
         scale = graph.tie_at[row, 3]
-        longer = 1.0 + arrow[scale]
+        longer = _longer(graph, arrow, scale)
         sd_m *= longer
         squared = (rn * rn + re * re) / (sd_m * sd_m)
         weight, penalty = _robust(squared, dof, 2.0)
         cost += penalty
         k = weight / (sd_m * sd_m)
-        _add_stretch(system, scale, weight * squared, longer)
+        _add_stretch(graph, system, scale, weight * squared, longer)
         _add_point(system, a, k, -oe, on, rn, re)
         width = graph.width[a]
         wing = system.wing_at[a] + graph.tie_at[row, 2]

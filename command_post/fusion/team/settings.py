@@ -51,6 +51,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     the cost falls by more than ``adopt_gain``; where there are more than ``turned_a_commit``, by
     turns. Nodes are set every ``node_m`` or ``node_s``. A radio worn in front is loudest before its
     wearer is nearest, one worn behind after that: by ``lead_sd_s`` or so, and the whole team alike.
+    All passes of a DAP whose place is known lie aside of it alike, by ``aside_share`` of how blunt
+    they are.
 
     A team of more than ``crew_most`` is solved in crews of at most so many, each in its own time,
     and the more responders there are the more rarely, so that no more than ``solved_a_second`` are
@@ -79,7 +81,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     solved_a_second: Annotated[float, Meta(gt=0.0, le=1e6)] = 100.0
 
     scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.02
-    loose_scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25
+    loose_scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.12
     doubts: bool = True
     drift_sd_rad_s: Radians = math.radians(0.05)
     stride_sd_m: Metres = 0.03
@@ -101,6 +103,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     install_sd_m: Metres = 0.3
     install_ahead_m: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.25
+    aside_share: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.45
     near_sd_m: Metres = 2.5
     sharpness: Sharpness = Sharpness()
     scale_prior_ties: Annotated[float, Meta(gt=0.0, le=1e6)] = 10.0

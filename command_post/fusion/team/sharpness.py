@@ -27,13 +27,16 @@ def learnt_scale(
     assembled: Assembled, pose: Floats, arrow: Floats, settings: TeamSettings
 ) -> float:
     """Return the scale of the ties to DAPs that a solved graph speaks for."""
-    graph = assembled.graph
+    graph, base = assembled.graph, assembled.place_column(0)
+    stands = arrow.copy()
+    for known in np.flatnonzero(assembled.aside_m2).tolist():
+        stands[base + 2 * known : base + 2 * known + 2] = graph.place[known, :2]
     is_dap = np.array([place[0] == "dap" for place in assembled.places], np.bool_)
-    place = (graph.tie_at[:, 1] - assembled.place_column(0)) // 2
+    place = (graph.tie_at[:, 1] - base) // 2
     passed = np.flatnonzero(is_dap[place] & (graph.tie[:, 3] > 0.0))
     if not passed.size:
         return 1.0
-    off2 = _squared(graph.tie, graph.tie_at, passed, pose, arrow) * assembled.tie_scale**2
+    off2 = _squared(graph.tie, graph.tie_at, passed, pose, stands) * assembled.tie_scale**2
     return _scale(off2, settings.sharpness.dof, settings.scale_prior_ties)
 
 

@@ -17,6 +17,7 @@ from command_post.fusion.team.graph import (
     FIRST_UNIT,
     LARGEST_TURN_RAD,
     LEAD,
+    LOOSE_SCALE_SD,
     PLACE_DOF,
     TURN_DOF,
     Graph,
@@ -84,9 +85,7 @@ def _factors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
         derivative[:, pose.size + LEAD] = _turned(pose[a, 2], *fast_m_s)
         derivative[[0, 1], [pose.size + column, pose.size + column + 1]] = -1.0
         residual = pose[a, :2] + offset - arrow[column : column + 2]
-        longer = 1.0 + arrow[scale]
-        sd = sd_m * longer
-        yield Factor(residual / sd, derivative / sd, dof, pose.size + scale, longer)
+        yield _measured(graph, arrow, scale, Factor(residual / sd_m, derivative / sd_m, dof))
     for a, (north, east, *place, sd_m, dof) in zip(graph.fix_at, graph.fix, strict=True):
         derivative = np.zeros((2, states))
         offset = _point(derivative, pose, a, north, east)
@@ -120,14 +119,22 @@ def _moves(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
             derivative[:, turn] = 0.5 * moved[1], -0.5 * moved[0]
         derivative[:, pose.size + scale] = -along
         residual = pose[a + 1, :2] - pose[a, :2] - moved
-        longer = 1.0 + arrow[scale]
-        sd = sd_m * longer
-        yield Factor(residual / sd, derivative / sd, PLACE_DOF, pose.size + scale, longer)
+        off = Factor(residual / sd_m, derivative / sd_m, PLACE_DOF)
+        yield _measured(graph, arrow, scale, off)
         derivative = np.zeros((1, pose.size + arrow.size))
         derivative[0, [3 * a + 2, 3 * a + 5]] = -1.0, 1.0
         derivative[0, pose.size + scale + 1] = -duration_s
         off_rad = pose[a + 1, 2] - pose[a, 2] - arrow[scale + 1] * duration_s
         yield Factor(np.array([off_rad]) / sd_rad, derivative / sd_rad, TURN_DOF)
+
+
+def _measured(graph: Graph, arrow: Floats, scale: int, off: Factor) -> Factor:
+    """Return a residual told in true metres in those of the unit that measured it."""
+    if graph.unit_sd[scale - FIRST_UNIT] >= LOOSE_SCALE_SD:
+        return off
+    longer = 1.0 + float(arrow[scale])
+    column = off.derivative.shape[1] - arrow.size + scale
+    return Factor(off.residual / longer, off.derivative / longer, off.dof, column, longer)
 
 
 def _priors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:

@@ -142,7 +142,7 @@ def _set_down_again(log: TeamLog, suspicion: Suspicion) -> None:
     if not before:
         return
     said_ns = before[-1].time_ns if before[-1].said_ns is None else before[-1].said_ns
-    again = Installed(suspicion.since_ns, None, ANYWHERE, said_ns)
+    again = Installed(suspicion.since_ns, None, ANYWHERE, said_ns, found=True)
     log.daps[suspicion.node_id] = [*before, again, *installs[len(before) :]]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 from command_post.fusion.team.chain import Chain
@@ -33,11 +34,15 @@ class Tie(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known of a place beforehand: where it is, and each way's standard deviation."""
+    """What is known of a place beforehand: where it is, and each way's standard deviation.
+
+    Of one that was ``found`` by passes it is known where it is passed, and not where it stands.
+    """
 
     north_m: float
     east_m: float
     sd_m: float
+    found: bool = False
 
 
 def ties_of(
@@ -57,7 +62,7 @@ def ties_of(
             if chain is not None:
                 ties.append(_install_tie(chains, chain, installed.time_ns, place, settings))
             elif installed.position is not None:
-                known[place] = _known(installed.position)
+                known[place] = _known(installed.position, found=installed.found)
             else:
                 continue
             stands.setdefault(dap_id, []).append(installed)
@@ -79,8 +84,29 @@ def _install_tie(
     )
 
 
-def _known(position: LocalPosition) -> Known:
-    return Known(position.north_m, position.east_m, level_sd_m(position))
+def asides_m2(
+    ties: Sequence[Tie], known: Mapping[PlaceId, Known], settings: TeamSettings
+) -> dict[PlaceId, float]:
+    """Return, of each known place, the variance of how far aside of it all pass it (m²), each way.
+
+    Walls, bodies and where there is a way put all passes of a DAP off alike: many say no more than
+    a few of where its wearers are, and the blunter each one is, the less.
+    """
+    passes_m2: dict[PlaceId, list[float]] = {
+        place: [] for place, each in known.items() if not each.found
+    }
+    for tie in ties:
+        if tie.dof and tie.place in passes_m2:
+            passes_m2[tie.place].append(tie.sd_m**2)
+    blunt_m2 = settings.sharpness.sd_at_m(settings.sharpness.least_dbm) ** 2
+    return {
+        place: settings.aside_share**2 * (math.fsum(each) / len(each) if each else blunt_m2)
+        for place, each in passes_m2.items()
+    }
+
+
+def _known(position: LocalPosition, *, found: bool) -> Known:
+    return Known(position.north_m, position.east_m, level_sd_m(position), found)
 
 
 def level_sd_m(position: LocalPosition) -> float:
