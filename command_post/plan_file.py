@@ -1,10 +1,10 @@
 """A building's plan from a GeoJSON file (RFC 7946): its walls, in the incident's frame.
 
 The file is a FeatureCollection of LineString, MultiLineString, Polygon and MultiPolygon features;
-each line of each is a wall, doors are gaps in it. The property ``floor``, a whole number, says on
-which floor a feature is; without it, it is on every floor. Where its coordinates lie, a member of
-the collection says: ``"clew:frame": "local"`` for [east, north] in metres of the incident's frame,
-or ``"clew:origin": [longitude, latitude]`` of that frame's origin for GeoJSON's own degrees.
+each line of each is a wall, doors are gaps in it; properties are passed over. Where its
+coordinates lie, a member of the collection says: ``"clew:frame": "local"`` for [east, north] in
+metres of the incident's frame, or ``"clew:origin": [longitude, latitude]`` of that frame's origin
+for GeoJSON's own degrees.
 """
 
 from __future__ import annotations
@@ -52,13 +52,8 @@ class _MultiPolygon(msgspec.Struct, tag_field="type", tag="MultiPolygon"):
     coordinates: list[list[Line]]
 
 
-class _Properties(msgspec.Struct):
-    floor: Annotated[int, Meta(ge=-100, le=1000)] | None = None
-
-
 class _Feature(msgspec.Struct, tag_field="type", tag="Feature"):
     geometry: _LineString | _MultiLineString | _Polygon | _MultiPolygon
-    properties: _Properties | None = None
 
 
 class _Collection(msgspec.Struct, tag_field="type", tag="FeatureCollection"):
@@ -122,14 +117,13 @@ def parse_walls(content: bytes, origin: str) -> tuple[Wall, ...]:
     placed = _placing(told, origin)
     walls = []
     for feature in told.features:
-        floor = feature.properties.floor if feature.properties else None
         for line in _lines(feature.geometry.coordinates):
             points = [placed(each[0], each[1]) for each in line]
-            walls += [Wall(*one, *other, floor) for one, other in pairwise(points)]
+            walls += [Wall(*one, *other) for one, other in pairwise(points)]
     walls = [wall for wall in walls if wall.length_m >= LEAST_M]
     if not walls or len(walls) > MOST_WALLS:
         raise ConfigError(f"{origin}: {len(walls)} walls; a plan has 1 to {MOST_WALLS}")
-    farthest_m = max(max(map(abs, msgspec.structs.astuple(wall)[:4])) for wall in walls)
+    farthest_m = max(max(map(abs, msgspec.structs.astuple(wall))) for wall in walls)
     if farthest_m > FARTHEST_M:
         raise ConfigError(
             f"{origin}: reaches {farthest_m / 1e3:.0f} km from the incident's origin; "
@@ -143,7 +137,7 @@ def geojson_of(walls: tuple[Wall, ...]) -> bytes:
     features = [
         {
             "type": "Feature",
-            "properties": {} if wall.floor is None else {"floor": wall.floor},
+            "properties": {},
             "geometry": {
                 "type": "LineString",
                 "coordinates": [

@@ -19,16 +19,12 @@ LEAST_SHARE = 0.7
 
 
 class Wall(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=True):
-    """A straight stretch of wall between doors: both ends, north and east (m, incident's frame).
-
-    ``floor`` counts from 0 for the one at the incident's origin; ``None`` is on every floor.
-    """
+    """A straight stretch of wall between doors: both ends, north and east (m, incident's frame)."""
 
     from_north_m: Coordinate
     from_east_m: Coordinate
     to_north_m: Coordinate
     to_east_m: Coordinate
-    floor: int | None = None
 
     @property
     def length_m(self) -> float:
