@@ -69,6 +69,10 @@ class Hearing:
         """Return how many strides of a node have come."""
         return len(self.came.get(node_id, ()))
 
+    def has_heard(self, node_id: str, count: int) -> bool:
+        """Say whether so many strides of a node have come."""
+        return self.count(node_id) >= count
+
     def lateness_s(self, since_s: float, until_s: float, *, live: bool) -> list[float]:
         """Return how late strides were that came between two times (monotonic)."""
         every = [came for of_node in self.came.values() for came in tuple(of_node.values())]
