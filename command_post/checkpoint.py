@@ -35,6 +35,9 @@ WORTH_S = 2.0
 SHARE = 0.005
 """Of the time at most so much goes into keeping it: all that comes meanwhile has to wait."""
 
+MOST_HALT_S = 1.0
+"""Nobody is to wait longer for their estimate because the state is being kept."""
+
 TAIL_BYTES = 1 << 16
 """What stands before its place in a recording shows that it is of that recording."""
 
@@ -95,14 +98,20 @@ class Checkpoints:
     def is_due(self) -> bool:
         """Whether it is worth keeping the state now."""
         is_long_ago = (time.monotonic() - self._kept_s) * SHARE >= self._last_took_s
-        is_worth_it = self._worked_s >= WORTH_S and is_long_ago
+        is_short = self._last_took_s <= MOST_HALT_S
+        is_worth_it = self._worked_s >= WORTH_S and is_long_ago and is_short
         return is_worth_it and not self._writing and self._recorder.has_room
 
     def keep(self, state: State) -> None:
         """Keep ``state``, of all that the recorder has been given until now, once that is safe."""
-        began_s = time.perf_counter()
+        # By the thread's own time: how busy the machine was for once says nothing.
+        began_s = time.thread_time()
         pickled = pickle.dumps(state, protocol=5)
-        self._last_took_s = time.perf_counter() - began_s
+        self._last_took_s = time.thread_time() - began_s
+        if self._last_took_s > MOST_HALT_S:
+            _log.warning(
+                "the post's state is too big to be kept: after a kill all since is done again"
+            )
         self._worked_s = 0.0
         self._kept_s = time.monotonic()
         self._writing = self._recorder.when_safe(lambda position: self._write(pickled, position))

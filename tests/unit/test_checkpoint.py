@@ -142,6 +142,17 @@ def test_it_is_due_when_there_is_much_to_do_again_and_not_too_often(world: World
     wait_for(lambda: world.checkpoints.work(1.0) or world.checkpoints.is_due, "the next one")
 
 
+def test_when_it_takes_too_long_it_is_not_done_again(
+    world: World, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world.hear(10)
+    monkeypatch.setattr(checkpoint, "MOST_HALT_S", 0.0)
+    world.keep()
+    world.checkpoints.work(1e6)
+    assert not world.checkpoints.is_due
+    assert "too big to be kept" in capsys.readouterr().out
+
+
 def test_without_one_nothing_is_wrong(world: World, capsys: pytest.CaptureFixture[str]) -> None:
     assert world.loaded() is None
     assert capsys.readouterr().out == ""
