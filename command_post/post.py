@@ -220,6 +220,7 @@ class Post:
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
                 gc.freeze()
+        self._bus.ask_no_more()
         latest_s = time.monotonic() + LAST_MESSAGES_S
         while len(self._inbox) and time.monotonic() < latest_s:
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE))
@@ -382,7 +383,8 @@ class Post:
 
     def _note_alive(self, key: str, is_alive: bool) -> None:
         incident, role, node_id = key.split("/")[2:5]
-        self._seen.put((role, node_id, is_alive))
+        if (role, node_id) != ("post", self._incident.settings.post_id):
+            self._seen.put((role, node_id, is_alive))
         for node_role, topic in _ASKED.items():
             if role != node_role:
                 continue

@@ -132,6 +132,7 @@ def run(
                 node.heartbeat(node_time.statement),
             ):
                 _serve(node, settings, scanner, None if await_start else speed)
+                bus.ask_no_more()
     except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE if isinstance(error, OSError) else ExitCode.USAGE

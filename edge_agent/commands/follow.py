@@ -168,6 +168,7 @@ def run(
                     _take_part(node, agent, opened)
                 else:
                     _play(node, agent, opened, speed)
+                bus.ask_no_more()
             tell_losses(agent, mount.faults, bus.unsent)
     except (SourceError, ConfigError, ValueError, FileHeldError) as error:
         _log.error(str(error))

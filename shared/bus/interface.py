@@ -49,6 +49,12 @@ class Bus(Protocol):
     def query(self, key_expression: str, timeout_s: float, request: bytes = b"") -> list[Received]:
         """Put ``request`` to all who answer under ``key_expression``; return what came in time."""
 
+    def ask_no_more(self) -> None:
+        """Break off the queries that wait for answers; nobody is asked from now on.
+
+        For whoever stops: an answer that is on its way over a dead link is not to be waited for.
+        """
+
     def declare_alive(self, key: str) -> None:
         """Hold a liveliness token under ``key`` until closed."""
 

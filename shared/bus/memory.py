@@ -54,6 +54,7 @@ class MemoryBus:
         self._network = network
         self._guard = HandlerGuard()
         self._closed = False
+        self._asks = True
 
     @property
     def handler_failures(self) -> int:
@@ -99,12 +100,16 @@ class MemoryBus:
     ) -> list[Received]:
         """Put ``request`` to all who answer under ``key_expression``; to none once closed."""
         check_key_expression(key_expression)
-        if self._closed:
+        if self._closed or not self._asks:
             return []
         with self._network.lock:
             asked = [a for a in self._network.answerers if matches(key_expression, a.expression)]
         answers = ((answerer.expression, answerer.handler(request)) for answerer in asked)
         return [Received(key, payload) for key, payload in answers if payload is not None]
+
+    def ask_no_more(self) -> None:
+        """Ask nobody from now on."""
+        self._asks = False
 
     def declare_alive(self, key: str) -> None:
         """Hold a liveliness token under ``key`` until closed."""

@@ -89,6 +89,9 @@ class WireLogBus:
         """Nobody answers: return nothing, at once."""
         return []
 
+    def ask_no_more(self) -> None:
+        """Nobody was asked."""
+
     def declare_alive(self, key: str) -> None:
         """Nobody watches."""
         self._refuse_if_closed()

@@ -98,6 +98,7 @@ class ZenohBus:
         self._guard = HandlerGuard()
         self._lock = threading.RLock()
         self._closing = threading.Event()
+        self._asking = zenoh.CancellationToken()
         self._session: zenoh.Session | None = None
         self._declarations: list[Callable[[zenoh.Session], _Undeclarable]] = []
         self._declared: list[_Undeclarable] = []
@@ -200,12 +201,16 @@ class ZenohBus:
             return []
         answers: list[Received] = []
         with suppress(zenoh.ZError):  # closed meanwhile
-            for reply in _ask(session, key_expression, timeout_s, request):
+            for reply in _ask(session, key_expression, timeout_s, request, self._asking):
                 if reply.ok is not None:
                     answers.append(Received(str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
                 elif reply.err is not None:
                     log.debug("no answer", key=key_expression, why=reply.err.payload.to_string())
         return answers
+
+    def ask_no_more(self) -> None:
+        """Break off the queries that wait for answers; nobody is asked from now on."""
+        self._asking.cancel()  # type: ignore[no-untyped-call]
 
     def declare_alive(self, key: str) -> None:
         """Hold a liveliness token under ``key`` until closed."""
@@ -324,7 +329,11 @@ def _open_router(configuration: zenoh.Config, listen: Sequence[str]) -> zenoh.Se
 
 
 def _ask(
-    session: zenoh.Session, key_expression: str, timeout_s: float, request: bytes
+    session: zenoh.Session,
+    key_expression: str,
+    timeout_s: float,
+    request: bytes,
+    asking: zenoh.CancellationToken,
 ) -> zenoh.Handler[zenoh.Reply]:
     """Ask all, and keep every reply: by default Zenoh keeps one for each key."""
     return session.get(
@@ -333,6 +342,7 @@ def _ask(
         consolidation=zenoh.ConsolidationMode.NONE,
         timeout=timeout_s,
         payload=request,
+        cancellation_token=asking,
     )
 
 

@@ -97,8 +97,12 @@ class Relay:
         with suppress(OSError):
             while True:
                 near, _ = self._server.accept()
-                with suppress(ConnectionError):
-                    self._pass(near, socket.create_connection(("127.0.0.1", self._target_port)))
+                try:
+                    far = socket.create_connection(("127.0.0.1", self._target_port))
+                except ConnectionError:
+                    near.close()
+                else:
+                    self._pass(near, far)
 
     def _pass(self, near: socket.socket, far: socket.socket) -> None:
         with self._lock:

@@ -251,3 +251,11 @@ def test_malformed_keys_are_refused(connect: Connect, key: str) -> None:
     if "*" not in key:
         with pytest.raises(ValueError, match="key expression"):
             bus.subscribe(key, print)
+
+
+def test_who_asks_no_more_finds_nobody(connect: Connect) -> None:
+    answering, asking = connect(), connect()
+    answering.answer("clew/state", lambda _: b"here")
+    wait_for(lambda: asking.query("clew/state", timeout_s=5.0), "an answer")
+    asking.ask_no_more()
+    assert asking.query("clew/state", timeout_s=5.0) == []

@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
@@ -173,6 +174,7 @@ def test_a_dead_link_is_found_and_does_not_hold_the_close(opened: ExitStack) -> 
 
 NODE = """
 import sys
+import threading
 from shared.bus.zenoh_bus import open_zenoh
 from shared.process import configure_logging, stop_on_signals
 configure_logging("warning")
@@ -252,3 +254,32 @@ def test_a_port_in_use_is_told(opened: ExitStack) -> None:
     router = opened.enter_context(open_zenoh("router", listen=["tcp/127.0.0.1:0"]))
     with pytest.raises(OSError, match=r"cannot listen on tcp/127\.0\.0\.1:.*use another port"):
         open_zenoh("router", listen=router.locators())
+
+
+def test_a_question_that_waits_is_broken_off(opened: ExitStack) -> None:
+    router = opened.enter_context(open_zenoh("router", listen=["tcp/127.0.0.1:0"]))
+    (locator,) = router.locators()
+    client = opened.enter_context(open_zenoh("client", connect=[locator]))
+    wait_for(client.connected, "the client to connect")
+    asked, answers = threading.Event(), threading.Event()
+
+    def answer(_request: bytes) -> bytes:
+        asked.set()
+        answers.wait(DEADLINE_S)
+        return b"late"
+
+    router.answer("clew/state", answer)
+    heard: list[list[Received]] = []
+
+    def ask() -> None:
+        while not asked.is_set():
+            heard.append(client.query("clew/state", 10.0 * DEADLINE_S))
+
+    asker = threading.Thread(target=ask)
+    asker.start()
+    assert asked.wait(DEADLINE_S)
+    client.ask_no_more()
+    asker.join(DEADLINE_S)
+    assert not asker.is_alive()
+    assert heard[-1] == []
+    answers.set()

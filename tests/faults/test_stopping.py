@@ -57,7 +57,10 @@ def program(folder: Path, *command: str, **environment: str) -> Iterator[Program
     with (
         path.open("wb") as log,
         subprocess.Popen(
-            [sys.executable, "-m", *command], stderr=log, env={**os.environ, **environment}
+            [sys.executable, "-m", *command],
+            stdin=subprocess.PIPE,
+            stderr=log,
+            env={**os.environ, **environment},
         ) as process,
     ):
         try:
@@ -135,3 +138,24 @@ def test_a_post_amid_a_flood(tmp_path: Path) -> None:
             served.says("floods")
             assert served.stop() == 0
     assert (tmp_path / "fire.mcap").exists(), "the recording is finished"
+
+
+def talker(folder: Path, endpoint: str) -> tuple[str, ...]:
+    return ("tests.faults.talker", endpoint, "fire", "r1", str(folder / "journal"), "200")
+
+
+def test_a_post_that_asks_for_what_it_missed_over_a_dead_link(tmp_path: Path) -> None:
+    prepare_fusion(FusionSettings())
+    with program(tmp_path, *talker(tmp_path, free_endpoint())) as unheard:
+        wait_for((tmp_path / "journal").exists, "strides that nobody hears")
+        assert unheard.stop() == 0
+    endpoint = free_endpoint()
+    with program(tmp_path, *post(tmp_path, endpoint), "--incident", "fire") as served:
+        served.says(OPEN)
+        with Relay(port_of(endpoint)) as relay:
+            dialled = f"tcp/127.0.0.1:{relay.port}"
+            with program(tmp_path, *talker(tmp_path, dialled)) as talking:
+                served.says("a node comes")
+                relay.stall()
+                assert served.stop() == 0
+                assert talking.stop() == 0
