@@ -20,6 +20,9 @@ GRACE_S = 0.2
 
 FIRST_WAIT_S = 0.25
 LONGEST_WAIT_S = 60.0
+MOST_EMPTY = 8
+"""After so many replies without anything, ever more numbers are passed over at a time."""
+
 MOST_VAIN_ROUNDS = 12
 """A journal that gave nothing so often is not asked any more, until something is new of it."""
 
@@ -73,7 +76,8 @@ class RefillPlan:
         ``highest`` is ``None`` where the reply had nothing of what was asked for.
         """
         refill = self._journals[ask.missing.journal]
-        refill.behind = ask.hole.last if highest is None else highest
+        refill.empty = refill.empty + 1 if highest is None else 0
+        refill.behind = _beyond_nothing(ask, refill.empty) if highest is None else highest
         refill.unanswered = 0
         refill.pace.replied(refill.asked_s + duration_s, duration_s, rows)
         return refill.pace.pause_s
@@ -103,6 +107,9 @@ class _Refill:
         self.asked_s = 0.0
         self.due_s = due_s
         self.unanswered = 0
+        self.empty = 0
+        """How many replies in a row had nothing."""
+
         self.vain_rounds = 0
         self._missing_before = 0
         """How many were missing when the round began."""
@@ -117,10 +124,19 @@ class _Refill:
             return
         in_vain = missing.in_all >= self._missing_before
         self.vain_rounds = self.vain_rounds + 1 if in_vain else 0
-        self.behind, self._missing_before = 0, missing.in_all
+        self.behind, self.empty, self._missing_before = 0, 0, missing.in_all
         self.due_s = now_s + _wait_s(self.vain_rounds)
         if self.vain_rounds > MOST_VAIN_ROUNDS:
             self.due_s = float("inf")
+
+
+def _beyond_nothing(ask: Ask, empty: int) -> int:
+    """Return up to where a journal may be taken to have nothing, after so many empty replies.
+
+    A node may claim any number: to go through all of them would take for ever.
+    """
+    first, last = ask.missing.hole
+    return min(last, first - 1 + (ask.rows << max(0, empty - MOST_EMPTY)))
 
 
 def _wait_s(times: int) -> float:

@@ -239,6 +239,20 @@ def test_what_is_lost_for_good_keeps_nothing_else_back_and_is_not_asked_for_ever
     assert nodes.missing() == 0
 
 
+def test_a_node_that_claims_to_have_said_no_end_of_things_is_given_up() -> None:
+    plan, lacks = RefillPlan(), missing("r1", 1, 2**62)
+    asks = 0
+    for step in range(200_000):
+        behind = plan.behind.get(lacks.journal, 0)
+        first = 1 if behind >= 2**62 else behind + 1
+        ask = plan.next([lacks._replace(hole=Hole(first, 2**62))], step * 0.05)
+        if ask is not None:
+            asks += 1
+            plan.replied(ask, None, 0, 0.01)
+    assert asks < 70 * (MOST_VAIN_ROUNDS + 2)
+    assert plan.next([lacks], 1e9) is None
+
+
 def test_who_does_not_answer_is_asked_ever_less_until_they_are_back() -> None:
     plan, lacks, at_s = RefillPlan(), [missing("r1", 1, 9), missing("r2", 1, 9)], list[float]()
     for step in count():
