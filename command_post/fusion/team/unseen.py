@@ -13,6 +13,7 @@ import numpy as np
 
 from command_post.fusion.team.log import DOWN, EAST, NORTH, Floats, Ints, Moves
 from command_post.fusion.team.settings import TeamSettings
+from shared.compiled import compiled
 
 MOST_LOST = 1000
 MOST_STRAIGHT = 3
@@ -53,37 +54,61 @@ class Unseen(NamedTuple):
 
 def unseen_before(moves: Moves, settings: TeamSettings) -> Unseen:
     """Return what went unseen before each move; before the first two only what numbers tell."""
-    lost = np.clip(np.diff(moves.sequence, prepend=moves.sequence[:1] - 1) - 1, 0, MOST_LOST)
-    walked = _walked(moves, lost)
-    steps_m = moves.values[:, [NORTH, EAST, DOWN]]
-    beside_m = 0.5 * (steps_m + np.roll(steps_m, 1, axis=0))
-    share = settings.unseen_share
-    square_m2 = (beside_m[:, :2] ** 2).sum(axis=1)
-    spread_m2 = (share * (1.0 - share) * walked**2 + SCATTER * walked) * square_m2
-    suits = walked > 0
-    return Unseen(
-        np.where(suits, np.roll(moves.end_ns, 1), moves.start_ns),
-        share * walked[:, None] * beside_m,
-        np.where(suits, spread_m2, (settings.lost_stride_m * lost) ** 2),
-        lost * settings.stride_turn_sd_rad**2 + walked * settings.unseen_turn_sd_rad**2,
-        (settings.lost_climb_m * np.maximum(lost, walked)) ** 2,
-    )
+    count = moves.end_ns.size
+    found = Unseen(
+        np.empty(count, np.int64), np.empty((count, 3)),
+        np.empty(count), np.empty(count), np.empty(count),
+    )  # fmt: skip
+    _suppose(
+        moves, found, settings.unseen_share, settings.lost_stride_m, settings.lost_climb_m,
+        settings.stride_turn_sd_rad**2, settings.unseen_turn_sd_rad**2,
+    )  # fmt: skip
+    return found
 
 
-def _walked(moves: Moves, lost: Ints) -> Ints:
-    """Return how many strides straight on the time missing before each move stands for."""
-    walked = np.zeros(moves.end_ns.size, np.int64)
-    if walked.size < 3:
-        return walked
-    took_ns = moves.end_ns - moves.start_ns
-    rest_ns = np.diff(moves.end_ns) - took_ns[1:]
-    # A unit that tells of the swing of a foot alone rests between any two.
-    usual_ns = np.maximum(np.minimum(rest_ns[:-1], np.append(rest_ns[:1], rest_ns[:-2])), 0)
-    stride_ns = 0.5 * (took_ns[2:] + took_ns[1:-1]) + usual_ns
-    most = np.maximum(lost[2:], 1)
-    off_ns = np.abs(rest_ns[1:] - usual_ns - most * stride_ns)
-    suits = (off_ns <= ALIKE * most * stride_ns) & (most <= MOST_STRAIGHT)
+@compiled
+def _suppose(
+    moves: Moves, found: Unseen, share: float, lost_stride_m: float, lost_climb_m: float,
+    lost_turn_rad2: float, unseen_turn_rad2: float,
+) -> None:  # fmt: skip
+    """Write into ``found`` what is supposed before each move."""
+    for k in range(moves.end_ns.size):
+        lost = (
+            0 if k == 0 else min(max(moves.sequence[k] - moves.sequence[k - 1] - 1, 0), MOST_LOST)
+        )
+        walked = _walked(moves, k, lost)
+        square_m2 = 0.0
+        for at, column in enumerate((NORTH, EAST, DOWN)):
+            beside_m = 0.5 * (moves.values[k, column] + moves.values[k - 1, column])
+            found.way_m[k, at] = share * walked * beside_m
+            if column != DOWN:
+                square_m2 += beside_m * beside_m
+        spread_m2 = (share * (1.0 - share) * walked**2 + SCATTER * walked) * square_m2
+        lost_m, climb_m = lost_stride_m * lost, lost_climb_m * max(lost, walked)
+        found.since_ns[k] = moves.end_ns[k - 1] if walked else moves.start_ns[k]
+        found.place_m2[k] = spread_m2 if walked else lost_m * lost_m
+        found.turn_rad2[k] = lost * lost_turn_rad2 + walked * unseen_turn_rad2
+        found.down_m2[k] = climb_m * climb_m
+
+
+@compiled
+def _walked(moves: Moves, k: int, lost: int) -> int:
+    """Return how many strides straight on the time missing before move ``k`` stands for."""
     # Nothing is missing where a unit begins anew.
-    suits &= np.diff(moves.sequence)[1:] > 0
-    walked[2:][suits] = most[suits]
-    return walked
+    if k < BEFORE or moves.sequence[k] <= moves.sequence[k - 1]:
+        return 0
+    took_ns = moves.end_ns[k] - moves.start_ns[k]
+    before_ns = moves.end_ns[k - 1] - moves.start_ns[k - 1]
+    # A unit that tells of the swing of a foot alone rests between any two.
+    usual_ns = max(min(_rest_ns(moves, k - 1), _rest_ns(moves, max(k - 2, 1))), 0)
+    stride_ns = 0.5 * (took_ns + before_ns) + usual_ns
+    most = max(lost, 1)
+    off_ns = abs(_rest_ns(moves, k) - usual_ns - most * stride_ns)
+    return most if most <= MOST_STRAIGHT and off_ns <= ALIKE * most * stride_ns else 0
+
+
+@compiled
+def _rest_ns(moves: Moves, k: int) -> int:
+    """Return the time between a move and the one before."""
+    rest_ns: int = moves.start_ns[k] - moves.end_ns[k - 1]
+    return rest_ns
