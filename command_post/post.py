@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
 from typing import NamedTuple
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import structlog
 
 from command_post.checkpoint import Checkpoints, Kept, State
+from command_post.company import Company
 from command_post.figures import Figures, by_reason
 from command_post.freshness import NodeWatch
 from command_post.incident import Incident
@@ -27,25 +28,22 @@ from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.safekeeping import Safekeeping
+from command_post.voice import Voice
 from shared.bus.fair_inbox import FairInbox
-from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
 from shared.codec import Refusal, decode, parse_key
 from shared.collector import Collector
 from shared.gate import Gate
 from shared.mcap_reader import Recording
-from shared.messages import ExerciseStart, Order
+from shared.messages import ExerciseStart
 from shared.security.certificates import Identity
 from shared.sender import Outbox, Sign
 from shared.time_service import time_answerer
 from shared.topics import (
     TOPICS,
     Key,
-    Role,
-    Topic,
     alive_key,
-    all_alive_of,
     everything_of,
     time_key,
 )
@@ -59,7 +57,6 @@ MOST_AT_ONCE = 256
 LAST_MESSAGES_S = 0.5
 """What is still heard when the post stops is handled for so long, then it is too late."""
 
-MOST_ON_THE_WAY = 20_000
 MOST_WAITING = 5_000
 """With so many messages in the inbox, no missing ones are asked for."""
 
@@ -68,12 +65,8 @@ LEAST_WAIT_S = 0.001
 SET_BACK_NS = NS_PER_S
 """A clock that reads so much less than before has been set."""
 
-ASK_TIMEOUT_S = 0.5
 MOST_AHEAD_NS = 60 * NS_PER_S
 LONGEST_EXERCISE_NS = 24 * 3600 * NS_PER_S
-
-_ASKED: dict[Role, str] = {"responder": "start", "dap": "installation"}
-"""What is said rarely, by whom: whoever comes late asks for it."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -125,8 +118,7 @@ class Post:
         self._show = show
         self._remarks = tuple(remarks)
         self._gate = gate or Gate()
-        self._outbox = outbox
-        self._meet = meet
+        self._voice = Voice(bus, outbox)
         self._sign = sign
         self._safekeeping = Safekeeping(self._gate, recorder)
         self._recorded = RecordedIncident(incident, recorder, self._safekeeping.lose)
@@ -134,22 +126,15 @@ class Post:
         self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
         self._metrics = metrics
-        self._alive: set[tuple[Role, str]] = set()
-        self._joined: Inbox[Key] = Inbox(1000)
-        self._seen: Inbox[tuple[str, str, bool]] = Inbox(1000)
         name, post_id = incident.settings.incident, incident.settings.post_id
+        self._company = Company(bus, name, post_id, meet, self._hear)
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
-        self._said: OrderedDict[Received, None] = OrderedDict()
-        """What was published last: the bus hands a node's own messages back to it."""
-
         self._to_say_again: Sequence[Outgoing] = ()
         self._exercise: Received | None = None
         """What has set the clock."""
 
         self._checkpoints = checkpoints
         self._repeats = OrderRepeats()
-        self._sealed_orders: dict[bytes, bytes] = {}
-        """Orders as they were said first, by what was sealed."""
 
     def take_up(self, recording: Recording, kept: Kept | None) -> None:
         """Take the incident up where ``recording``, which is gone on with, was broken off.
@@ -187,7 +172,7 @@ class Post:
         """Serve until ``stop`` is set, then finish the incident and say what was lost."""
         settings = self._incident.settings
         self._bus.subscribe(everything_of(settings.incident), self._hear, self._inbox.wanted)
-        self._bus.watch_alive(all_alive_of(settings.incident), self._note_alive)
+        self._company.watch()
         time_at_post = time_key(settings.incident, settings.post_id)
         self._bus.answer(time_at_post, time_answerer(self._clock, time_at_post, self._sign))
         self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
@@ -199,7 +184,7 @@ class Post:
             has_room=self._has_room,
         )
         at_work = [
-            Thread(target=self._greet, args=(stop,), name="greeter"),
+            Thread(target=self._company.greet, args=(stop,), name="greeter"),
             Thread(target=collector.run, args=(stop,), name="collector"),
         ]
         for thread in at_work:
@@ -215,7 +200,7 @@ class Post:
             self._keep_state()
             if time.monotonic() >= next_show_s:
                 self._repeat_orders()
-                self._tell_comings()
+                self._company.tell()
                 self._tell_figures()
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
@@ -234,7 +219,7 @@ class Post:
 
     def roster(self, now_ns: int) -> Roster:
         """Return who is where at ``now_ns`` of the post's clock."""
-        alive = tuple(self._alive)
+        alive = self._company.alive
         nodes = self._watch.fresh(now_ns, alive, self._gate, self._reception.useless())
         roster = make_roster(
             self._incident, now_ns, RosterSettings(), alive, nodes, self._gate.turned
@@ -308,7 +293,7 @@ class Post:
         # They were taken of each sender in turn.
         for key, payload, came_ns in sorted(messages, key=_came_ns):
             received = Received(key, payload)
-            if received in self._said or not self._reception.lets_in(received):
+            if self._voice.is_own(received) or not self._reception.lets_in(received):
                 continue
             if self._follows_exercise and key not in self._own_keys:
                 self._follow(key, payload)
@@ -331,37 +316,15 @@ class Post:
         return len(self._inbox) < MOST_WAITING
 
     def _publish(self, outgoing: Sequence[Outgoing]) -> None:
-        for message in outgoing:
-            key, payload = message.key, message.payload
-            topic = TOPICS[key.rpartition("/")[2]]
-            if self._outbox is not None:
-                payload = self._outbox.seal(topic, key, payload)
-            if topic.message is Order:
-                self._sealed_orders[message.payload] = payload
-            self._say(key, payload, topic)
+        for key, payload in self._voice.say(outgoing):
             if self._metrics is not None:
                 self._metrics.published(key, payload, self._clock.now_ns())
 
-    def _say(self, key: str, payload: bytes, topic: Topic) -> None:
-        received = Received(key, payload)
-        self._said[received] = None
-        self._said.move_to_end(received)
-        if len(self._said) > MOST_ON_THE_WAY:
-            self._said.popitem(last=False)
-        self._bus.publish(key, payload, topic.priority)
-
     def _repeat_orders(self) -> None:
-        """Say again what somebody who is alive has not acknowledged, in the bytes it went out in.
-
-        After the post was started anew it is sealed anew.
-        """
-        alive = {node_id for role, node_id in tuple(self._alive) if role == "responder"}
-        for order in self._repeats.due(self._incident.orders, alive, self._clock.now_ns()):
-            said = self._incident.said(order)
-            if said.payload in self._sealed_orders:
-                self._say(said.key, self._sealed_orders[said.payload], TOPICS["order"])
-            else:
-                self._publish([said])
+        """Say again what somebody who is alive has not acknowledged."""
+        alive, now_ns = self._company.responders, self._clock.now_ns()
+        for order in self._repeats.due(self._incident.orders, alive, now_ns):
+            self._voice.say_again(self._incident.said(order))
 
     def _follow(self, key: str, payload: bytes) -> None:
         """Set the clock by an ``ExerciseStart``."""
@@ -380,36 +343,6 @@ class Post:
         self._exercise = Received(key, payload)
         self._clock.run_from(start.event_time_ns, start.speed)
         _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
-
-    def _note_alive(self, key: str, is_alive: bool) -> None:
-        incident, role, node_id = key.split("/")[2:5]
-        if (role, node_id) != ("post", self._incident.settings.post_id):
-            self._seen.put((role, node_id, is_alive))
-        for node_role, topic in _ASKED.items():
-            if role != node_role:
-                continue
-            if is_alive:
-                self._alive.add((node_role, node_id))
-                self._joined.put(Key(incident, node_role, node_id, topic))
-            else:
-                self._alive.discard((node_role, node_id))
-
-    def _greet(self, stop: Event) -> None:
-        """Ask each node that comes for what it said before it was heard, until ``stop`` is set.
-
-        The answers go the way of everything heard; what was heard before is dropped as repeated.
-        """
-        while not stop.is_set():
-            key = self._joined.get(SHOW_PERIOD_S)
-            if key is None:
-                continue
-            self._meet(Identity(key.role, key.node_id))
-            for received in self._bus.query(str(key), ASK_TIMEOUT_S):
-                self._hear(received)
-
-    def _tell_comings(self) -> None:
-        for role, node_id, is_alive in self._seen.get_all():
-            _log.info("a node comes" if is_alive else "a node goes", role=role, node_id=node_id)
 
     def _tell_losses(self) -> None:
         refused = Counter[tuple[str, str]](self._incident.refusals)
