@@ -25,6 +25,9 @@ from tests.waiting import wait_for
 PATIENCE_S = 90.0
 """For what takes its time on a busy machine: starting Python several times, say."""
 
+STAYS = "stays"
+"""A responder within reach: a DAP of a simulated exercise stays for as long as there is one."""
+
 SETTLED_NS = 5 * NS_PER_S
 """After this long a node has found another way: until then nothing of it is live."""
 
@@ -64,13 +67,11 @@ def kills(folder: Path, times: int, seed: int = 1, lives_s: float = 3.0) -> Outc
 
 def out_of_range(folder: Path, away_s: float) -> Outcome:
     """Let a responder walk out of range of one DAP, and back into that of another."""
-    with Air(["post", "dap1", "dap2", "r1"]) as air:
-        site = Deployment(folder, ["dap1", "dap2"], ["r1"], air, walk_s=2.0 * away_s + 120.0)
-        programs = [
-            site.post(), site.dap("dap1", "post"), site.dap("dap2", "post"),
-            site.agent("r1", "dap1", "dap2"),
-        ]  # fmt: skip
-        for one, other in (("dap1", "post"), ("dap2", "post"), ("r1", "dap1")):
+    with Air(["post", "dap1", "dap2", "r1", STAYS]) as air:
+        names = ["r1", STAYS]
+        site = Deployment(folder, ["dap1", "dap2"], names, air, walk_s=2.0 * away_s + 120.0)
+        programs = programs_of(site)
+        for one, other in (("dap1", "post"), ("dap2", "post"), ("r1", "dap1"), (STAYS, "dap1")):
             air.link(one, other, Link(delay_s=0.005))
         with Fleet(folder / "logs", programs, air) as fleet:
             fleet.start()
@@ -109,14 +110,14 @@ def multi_hop(folder: Path, lasts_s: float) -> Outcome:
 def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: float) -> Outcome:
     """Let responders share ``link`` to one DAP, cut it for a while, and go on behind it."""
     names = [f"r{number}" for number in range(1, responders + 1)]
-    with Air(["post", "dap1", *names]) as air:
-        site = Deployment(folder, ["dap1"], names, air, walk_s=cut_s + after_s + 240.0)
+    with Air(["post", "dap1", *names, STAYS]) as air:
+        everybody = [*names, STAYS]
+        site = Deployment(folder, ["dap1"], everybody, air, walk_s=cut_s + after_s + 240.0)
         air.link("dap1", "post", Link(delay_s=0.005))
+        air.link(STAYS, "dap1", Link(delay_s=0.005))
         for name in names:
             air.link(name, "dap1", link)
-        programs = [site.post(), site.dap("dap1", "post")]
-        programs += [site.agent(name, "dap1") for name in names]
-        with Fleet(folder / "logs", programs, air) as fleet:
+        with Fleet(folder / "logs", programs_of(site), air) as fleet:
             fleet.start()
             _has_said(site, 3)
             for name in names:
