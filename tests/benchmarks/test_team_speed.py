@@ -45,7 +45,9 @@ def log() -> TeamLog:
 
 def test_smoother_cold_with_covariance(benchmark: BenchmarkFixture, log: TeamLog) -> None:
     until_ns = START_NS + round((60.0 * MINUTES + 120.0) * NS_PER_S)
-    belief = AxisBelief("given", 0.0, SETTINGS.axis_sd_rad, frozenset(log.responders))
+    belief = AxisBelief(
+        "given", 0.0, SETTINGS.axis_sd_rad, frozenset((each, 0) for each in log.responders)
+    )
 
     def solve() -> tuple[int, int, int]:
         assembled = assemble(log, until_ns, belief, 1.0, SETTINGS)

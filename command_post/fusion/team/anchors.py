@@ -47,7 +47,8 @@ def anchors_of(
     before = solution.next_anchors
     starts, until_ns, past = dict(before.starts), dict(before.until_ns), dict(before.past)
     for index, chain in enumerate(solved.assembled.chains):
-        if solved.ends[index, 3] < settings.recovered_turn_sd_rad**2:
+        told = solved.tells_turn(index, settings)
+        if told and solved.ends[index, 3] < settings.recovered_turn_sd_rad**2:
             name = chain.responder_id
             starts[name] = _start(solved, heights, index)
             until_ns[name] = time_ns

@@ -11,6 +11,7 @@ import numpy as np
 
 from command_post.fusion.team.chain import (
     Chain,
+    UnitName,
     chain_of,
     place_nodes,
     straight_moves,
@@ -31,13 +32,14 @@ ANY_AXIS_SD_RAD = 10.0
 class AxisBelief(NamedTuple):
     """What is supposed of the building: its axis (rad) and how well that is known, if it has one.
 
-    ``chains`` are the responders whose heading is known well enough to be held to it.
+    ``units`` are those whose heading is known well enough, without it, to be held to it: an axis
+    is alike modulo a right angle, and would hold a heading that may be any to a wrong one as well.
     """
 
     mode: str
     axis_rad: float
     sd_rad: float
-    chains: frozenset[str]
+    units: frozenset[UnitName]
 
 
 NO_AXIS = AxisBelief("none", 0.0, 1.0, frozenset())
@@ -278,12 +280,12 @@ def _straights(
     belief: AxisBelief,
     settings: TeamSettings,
 ) -> tuple[Floats, Ints]:
-    """Return the straight moves of those held to the axis."""
+    """Return the straight moves of those held to the axis, if there is one."""
     rows, at = [np.empty((0, 2))], [np.empty(0, np.int64)]
     row = 0
     for chain, of_chain in zip(chains, nodes, strict=True):
-        if chain.responder_id in belief.chains:
-            found, direction_rad = straight_moves(chain, of_chain, settings)
+        if belief.mode != "none":
+            found, direction_rad = straight_moves(chain, of_chain, belief.units, settings)
             sd_rad = np.full(len(found), settings.straight_sd_rad)
             rows.append(np.column_stack([direction_rad, sd_rad]))
             at.append(row + found)

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from collections.abc import Set as AbstractSet
 
 import numpy as np
 
 from command_post.fusion.team.arithmetic import logarithm, nearest_right_angle
 from command_post.fusion.team.assembly import Assembled
-from command_post.fusion.team.chain import straight_moves
+from command_post.fusion.team.chain import UnitName, straight_moves
 from command_post.fusion.team.log import Floats
 from command_post.fusion.team.settings import TeamSettings
 from shared.compiled import compiled
@@ -24,15 +25,17 @@ ALONG_RAD = math.radians(10.0)
 
 
 def directions(
-    assembled: Assembled, pose: Floats, held: Collection[str], settings: TeamSettings
+    assembled: Assembled, pose: Floats, held: AbstractSet[UnitName], settings: TeamSettings
 ) -> list[Floats]:
-    """Return the ways (rad, in the incident's frame) of straight moves, for each in ``held``."""
+    """Return the ways (rad, in the incident's frame) that straight moves of ``held`` units go.
+
+    They are by responder.
+    """
     found = []
     for index, chain in enumerate(assembled.chains):
-        if chain.responder_id in held:
-            straight, own_rad = straight_moves(chain, assembled.nodes[index], settings)
-            at = int(assembled.graph.first[index]) + straight
-            found.append(own_rad + 0.5 * (pose[at, 2] + pose[at + 1, 2]))
+        straight, own_rad = straight_moves(chain, assembled.nodes[index], held, settings)
+        at = int(assembled.graph.first[index]) + straight
+        found.append(own_rad + 0.5 * (pose[at, 2] + pose[at + 1, 2]))
     return found
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Set as AbstractSet
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -33,6 +34,10 @@ KNOWN_TURN_SD_RAD = 1.5
 """A heading known no better than this is not known."""
 
 
+UnitName: TypeAlias = tuple[str, int]
+"""Whose unit, and when it began: nought for the first that there is, wherever a way is taken up."""
+
+
 class Chain(NamedTuple):
     """A responder's stances (k ≥ 1): the start, the end of each move, the start of each new unit.
 
@@ -56,6 +61,15 @@ class Chain(NamedTuple):
     def begin_of(self, unit: int) -> int:
         """Return the stance at which a unit begins."""
         return 0 if unit == 0 else int(self.links[unit - 1])
+
+    def unit_name(self, unit: int) -> UnitName:
+        """Return what a unit is known by from one solution to the next."""
+        return self.responder_id, self.starts[unit].time_ns if unit else 0
+
+    @property
+    def last_unit_name(self) -> UnitName:
+        """The name of the unit that the chain goes on in."""
+        return self.unit_name(int(self.unit[-1]))
 
     def nearest(self, time_ns: int) -> tuple[int, float, float]:
         """Return the stance nearest in time, and how far in the agent's frame it was from there.
@@ -182,17 +196,21 @@ def _move_rows(moves: Moves, unseen: Unseen, settings: TeamSettings) -> _Rows:
     )  # fmt: skip
 
 
-def straight_moves(chain: Chain, nodes: Ints, settings: TeamSettings) -> tuple[Ints, Floats]:
+def straight_moves(
+    chain: Chain, nodes: Ints, held: AbstractSet[UnitName], settings: TeamSettings
+) -> tuple[Ints, Floats]:
     """Return which moves from node to node are straight, and their directions (rad).
 
-    Directions are in the unit's frame.
+    Directions are in the unit's frame; moves are those of units in ``held`` alone.
     """
+    is_held = np.array([chain.unit_name(unit) in held for unit in range(len(chain.starts))])
     way_m = np.diff(chain.way_m[nodes], axis=0)
     straight_m = np.sqrt(way_m[:, 0] * way_m[:, 0] + way_m[:, 1] * way_m[:, 1])
     length_m = np.diff(chain.length_m[nodes])
     found = np.flatnonzero(
         (straight_m > settings.straight_least_m)
         & (straight_m >= settings.straight_share * length_m)
+        & is_held[chain.unit[nodes[1:]]]
     )
     return found, np.array([math.atan2(east, north) for north, east in way_m[found].tolist()])
 

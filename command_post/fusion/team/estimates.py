@@ -35,7 +35,8 @@ class Pose(NamedTuple):
     """A responder as the last tick had them, at their last stance by then.
 
     ``covariance`` as ``smooth`` gives a node's; ``down`` is height and variance (m, m²). The chain
-    goes on in ``unit`` since ``unit_ns``; ``tied_ns`` is when something last tied them down.
+    goes on in ``unit`` since ``unit_ns``, how that is turned being told by all that it passed if
+    ``is_told``; ``tied_ns`` is when something last tied them down.
     """
 
     time_ns: int
@@ -48,9 +49,10 @@ class Pose(NamedTuple):
     unit: int
     unit_ns: int
     tied_ns: int
+    is_told: bool
 
 
-def pose_of(solved: Solved, heights: Heights, index: int) -> Pose:
+def pose_of(solved: Solved, heights: Heights, index: int, settings: TeamSettings) -> Pose:
     """Return the last pose of the chain at ``index``."""
     chain = solved.assembled.chains[index]
     end = int(solved.assembled.graph.first[index + 1])
@@ -63,7 +65,7 @@ def pose_of(solved: Solved, heights: Heights, index: int) -> Pose:
         (nn, ne, ee, tt, nt, et),
         (float(heights.node_m[end - 1]), float(heights.node_m2[end - 1])),
         unit, chain.starts[unit].time_ns,
-        tied_ns(solved, index),
+        tied_ns(solved, index), solved.tells_turn(index, settings),
     )  # fmt: skip
 
 
@@ -90,7 +92,7 @@ def first_pose(log: ResponderLog, settings: TeamSettings) -> Pose:
     turn_rad2 = min(start.heading_sd_rad, math.pi) ** 2
     return Pose(
         start.time_ns, north_m, east_m, 0.0, 0.0, (sd_m**2, 0.0, sd_m**2, turn_rad2, 0.0, 0.0),
-        (down_m, settings.start_height_sd_m**2), 0, start.time_ns, start.time_ns,
+        (down_m, settings.start_height_sd_m**2), 0, start.time_ns, start.time_ns, True,
     )  # fmt: skip
 
 
@@ -183,7 +185,8 @@ def _status(
     untied_s = (time_ns - pose.tied_ns) / NS_PER_S
     if silent_s > 0.0:
         return "lost", f"nothing heard for {silent_s + settings.silence_s:.0f} s"
-    if pose.unit > 0 and math.sqrt(turn_rad2) > settings.recovered_turn_sd_rad:
+    is_sharp = pose.is_told and math.sqrt(turn_rad2) <= settings.recovered_turn_sd_rad
+    if pose.unit > 0 and not is_sharp:
         since_s = (time_ns - pose.unit_ns) / NS_PER_S
         return "recovering", f"the unit began anew {since_s:.0f} s ago; which way is not yet known"
     if sd_m > settings.lost_sd_m:

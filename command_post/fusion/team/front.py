@@ -16,7 +16,6 @@ from command_post.fusion.cloud.chance import responder_stream, step_key
 from command_post.fusion.cloud.cloud import Cloud, Step, advance, moments, spawn
 from command_post.fusion.cloud.model import ANY_HEADING_SD_RAD, Mixture, Tie
 from command_post.fusion.cloud.regions import regions
-from command_post.fusion.team.chain import turn_known
 from command_post.fusion.team.graph import LEAD
 from command_post.fusion.team.log import ResponderLog
 from command_post.fusion.team.settings import TeamSettings
@@ -40,9 +39,7 @@ def cloud_before(
     """
     chain = solved.assembled.chains[index]
     unit = int(chain.unit[-1])
-    if turn_known(chain.starts[unit]) or (
-        solved.ends[index, 3] < settings.recovered_turn_sd_rad**2
-    ):
+    if solved.tells_turn(index, settings):
         return None
     begin_ns = chain.starts[unit].time_ns
     stance = chain.begin_of(unit)

@@ -100,7 +100,7 @@ def joined(solutions: Sequence[Solution]) -> Solution:
     """
     if len(solutions) == 1:
         return solutions[0]
-    surest = max(solutions, key=lambda each: len(each.belief.chains), default=NOTHING)
+    surest = max(solutions, key=lambda each: len(each.belief.units), default=NOTHING)
     of_all: Solution = NOTHING
     for each in reversed(solutions):
         of_all = Solution(
@@ -109,7 +109,7 @@ def joined(solutions: Sequence[Solution]) -> Solution:
             {**of_all.places, **each.places},
             surest.axis_rad,
             each.lead_s,
-            surest.belief._replace(chains=of_all.belief.chains | each.belief.chains),
+            surest.belief._replace(units=of_all.belief.units | each.belief.units),
             each.cost,
             each.tie_scale,
             each.storeys_m or of_all.storeys_m,
@@ -249,20 +249,24 @@ def solution_of(
 
 
 def turned(
-    assembled: Assembled, pose: Floats, arrow: Floats, chain_index: int, turn_rad: float
-) -> tuple[Floats, Floats]:
-    """Return poses and arrow with one responder's whole way turned about where it begins.
+    assembled: Assembled, pose: Floats, arrow: Floats, chain_index: int, turn_rad: float,
+    unit: int = 0,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Return poses and arrow with one responder's way since ``unit`` began turned about there.
 
     It is laid out straight from there, as its units said; the places they installed go along.
     """
     chain: Chain = assembled.chains[chain_index]
     first, end = assembled.graph.first[chain_index : chain_index + 2].tolist()
-    way_m = chain.way_m[assembled.nodes[chain_index]] - chain.way_m[0]
+    stance, nodes = chain.begin_of(unit), assembled.nodes[chain_index]
+    since = int(np.searchsorted(nodes, stance))
+    first += since
+    way_m = chain.way_m[nodes[since:]] - chain.way_m[stance]
     laid = laid_out(pose[first], turn_rad, way_m)
     pose, arrow = pose.copy(), arrow.copy()
     pose[first:end] = laid
     for place, by in enumerate(assembled.installed_by):
-        if by == chain_index:
+        if by == chain_index and assembled.seen_at[place] >= first:
             column = assembled.place_column(place)
             arrow[column : column + 2] = pose[assembled.seen_at[place], :2]
     return pose, arrow

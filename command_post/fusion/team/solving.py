@@ -15,7 +15,7 @@ from command_post.fusion.team.assembly import (
     assemble,
 )
 from command_post.fusion.team.axis import directions, likely_axis, share_along
-from command_post.fusion.team.chain import turn_known
+from command_post.fusion.team.chain import UnitName, turn_known
 from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import Floats, TeamLog
@@ -24,11 +24,14 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_scale
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
-from shared.maths.angles import nearest_right_angle_rad
+from shared.maths.angles import nearest_right_angle_rad, wrap_rad
 from shared.units import NS_PER_S
 
 KNOWN_TURNS_RAD = tuple(math.radians(each) for each in (-60.0, -30.0, 30.0, 60.0))
 UNKNOWN_TURNS_RAD = tuple(math.radians(each) for each in range(-150, 181, 30))
+QUARTERS_RAD = (-0.5 * math.pi, 0.5 * math.pi, math.pi)
+UNDECIDED_COST = 9.0
+"""Of two ways that differ by no more in cost, twice the logarithm of odds, either may be true."""
 LEAST_NODES = 4
 UNIFORM_COST = -2.0 * math.log(2.0 / math.pi)
 FREE_AXIS_COST = 6.0
@@ -51,6 +54,14 @@ class Solved(NamedTuple):
     def is_sound(self) -> bool:
         """Whether there is a solution at all."""
         return math.isfinite(self.cost) and bool(np.isfinite(self.pose).all())
+
+    def tells_turn(self, index: int, settings: TeamSettings) -> bool:
+        """Whether it is told, of all ways it may be, how the unit of a chain is turned by now."""
+        chain = self.assembled.chains[index]
+        if turn_known(chain.starts[int(chain.unit[-1])]):
+            return True
+        is_sharp = float(self.ends[index, 3]) < settings.recovered_turn_sd_rad**2
+        return is_sharp and chain.last_unit_name in self.belief.units
 
     def tie_scale(self, settings: TeamSettings) -> float:
         """Return how sharp peaks are by this solution."""
@@ -114,7 +125,12 @@ def solved_with_axis(
 ) -> Solved | None:
     """Return the team at ``time_ns``, under the best of several beliefs of the building's axis."""
     found = solve(log, time_ns, before, before.belief, settings, settings.commit_iterations)
-    return _with_axis(before, found, settings) if found is not None and settings.axis else found
+    if found is None:
+        return None
+    held = before.belief.units | _told_units(found, settings)
+    if settings.axis:
+        return _with_axis(before, found, held, settings)
+    return found._replace(belief=found.belief._replace(units=held))
 
 
 def turned_at(time_ns: int, chains: int, most: int, settings: TeamSettings) -> list[int]:
@@ -128,18 +144,47 @@ def turned_at(time_ns: int, chains: int, most: int, settings: TeamSettings) -> l
     return sorted((first + k) % chains for k in range(most))
 
 
-def _with_axis(before: Solution, found: Solved, settings: TeamSettings) -> Solved:
+def _told_units(found: Solved, settings: TeamSettings) -> frozenset[UnitName]:
+    """Return the units whose heading is known by now, well enough and no other way as well."""
+    known = found.belief.units
+    return frozenset(
+        chain.last_unit_name
+        for index, chain in enumerate(found.assembled.chains)
+        if found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
+        and (
+            chain.last_unit_name in known
+            or turn_known(chain.starts[int(chain.unit[-1])])
+            or _is_decided(found, index, settings)
+        )
+    )
+
+
+def _is_decided(found: Solved, index: int, settings: TeamSettings) -> bool:
+    """Whether a unit's way suits what it passed far worse if it is turned by right angles."""
+    assembled = found.assembled
+    unit = int(assembled.chains[index].unit[-1])
+    end = int(assembled.graph.first[index + 1]) - 1
+    for quarter_rad in QUARTERS_RAD:
+        pose, arrow = turned(assembled, found.pose, found.arrow, index, quarter_rad, unit)
+        other = solved_from(
+            assembled, pose, arrow, found.belief, settings, settings.commit_iterations,
+            NO_COVARIANCE,
+        )  # fmt: skip
+        apart_rad = abs(wrap_rad(float(other.pose[end, 2] - found.pose[end, 2])))
+        if apart_rad > 0.25 * math.pi and other.cost < found.cost + UNDECIDED_COST:
+            return False
+    return True
+
+
+def _with_axis(
+    before: Solution, found: Solved, held: frozenset[UnitName], settings: TeamSettings
+) -> Solved:
     """Return the solution under the belief of the building that explains the team's ways best.
 
     No axis is believed in unless ways that are held to none go along one. That it is the one given
     is not believed before it is known well, by headings, whichever it be: a lone responder who
     hardly knows their heading suits any.
     """
-    held = before.belief.chains | {
-        chain.responder_id
-        for index, chain in enumerate(found.assembled.chains)
-        if found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
-    }
 
     def under(belief: AxisBelief) -> Solved:
         if belief == found.belief:
@@ -152,7 +197,7 @@ def _with_axis(before: Solution, found: Solved, settings: TeamSettings) -> Solve
         stays = settings.adopt_gain if _is_like(tried.belief, before.belief) else 0.0
         return _belief_cost(tried, settings) - stays
 
-    unheld = under(NO_AXIS)
+    unheld = under(NO_AXIS._replace(units=held))
     several_rad = directions(unheld.assembled, unheld.pose, held, settings)
     if not unheld.is_sound or not _go_along_one(several_rad, settings):
         return unheld
@@ -216,15 +261,22 @@ def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
 def with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> Solved:
     """Return the best of the solution and those with one responder's way turned as a whole.
 
+    Of one whose unit began anew, its way since then is turned as well, until that is known.
+
     It is ``found`` itself that comes back if no other is better.
     """
     assembled = found.assembled
     if len(assembled.nodes[chain]) < LEAST_NODES:
         return found
-    known = turn_known(assembled.chains[chain].starts[0])
+    own = assembled.chains[chain]
+    known = turn_known(own.starts[0])
+    trials = [(0, turn_rad) for turn_rad in (KNOWN_TURNS_RAD if known else UNKNOWN_TURNS_RAD)]
+    unit = int(own.unit[-1])
+    if unit and not turn_known(own.starts[unit]) and own.last_unit_name not in found.belief.units:
+        trials += [(unit, turn_rad) for turn_rad in UNKNOWN_TURNS_RAD]
     best = found
-    for turn_rad in KNOWN_TURNS_RAD if known else UNKNOWN_TURNS_RAD:
-        pose, arrow = turned(assembled, found.pose, found.arrow, chain, turn_rad)
+    for since, turn_rad in trials:
+        pose, arrow = turned(assembled, found.pose, found.arrow, chain, turn_rad, since)
         tried = solved_from(
             assembled, pose, arrow, found.belief, settings, settings.commit_iterations,
             NO_COVARIANCE,

@@ -291,7 +291,7 @@ class TeamTracker:
             self._storeys_m = np.array(before.storeys_m)
             self._keep_doubts(crew, doubts_of(before.held))
         for index, chain in enumerate(solved.assembled.chains):
-            self._poses[chain.responder_id] = pose_of(solved, heights, index)
+            self._poses[chain.responder_id] = pose_of(solved, heights, index, self._settings)
             self._kept_ns[chain.responder_id] = time_ns
             self._storeys_of[chain.responder_id] = self._storeys_m
             own = log.responders[chain.responder_id]
