@@ -13,12 +13,15 @@ from cyclopts import App
 
 from tests.faults import ordeals
 
-Name: TypeAlias = Literal["kills", "out_of_range", "multi_hop", "lossy", "narrow", "cut"]
+Name: TypeAlias = Literal[
+    "kills", "out_of_range", "multi_hop", "half_open", "lossy", "narrow", "cut"
+]
 
 LONG: dict[Name, Callable[[Path], ordeals.Outcome]] = {
     "kills": lambda folder: ordeals.kills(folder, times=100),
     "out_of_range": lambda folder: ordeals.out_of_range(folder, away_s=600.0),
     "multi_hop": lambda folder: ordeals.multi_hop(folder, lasts_s=60.0),
+    "half_open": ordeals.half_open,
     "lossy": ordeals.lossy,
     "narrow": ordeals.narrow,
     "cut": lambda folder: ordeals.narrow(folder, cut_s=600.0),

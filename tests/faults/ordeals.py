@@ -9,11 +9,12 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.codec import Refusal, parse_key
 from shared.mcap_reader import read_recording
@@ -21,6 +22,8 @@ from shared.units import NS_PER_S
 from tests.faults.air import Air, Channel, Link
 from tests.faults.fleet import Deployment, Fleet, Program, account, is_safe, rows_of
 from tests.waiting import wait_for
+
+Floats: TypeAlias = NDArray[np.float64]
 
 PATIENCE_S = 90.0
 """For what takes its time on a busy machine: starting Python several times, say."""
@@ -36,12 +39,14 @@ class Outcome(NamedTuple):
     """How it went. ``live_s`` are the median and the 99th percentile of how late beats were.
 
     A beat is never kept and says when it was sent; those sent after the fault count.
+    ``silent_s`` is the longest time between two of a responder that came.
     """
 
     journalled: int
     lost: int
     repeated: int
     live_s: tuple[float, float] | None
+    silent_s: float | None
 
 
 def kills(folder: Path, times: int, seed: int = 1, lives_s: float = 3.0) -> Outcome:
@@ -105,6 +110,23 @@ def multi_hop(folder: Path, lasts_s: float) -> Outcome:
             _passed(lasts_s)
             _has_said(site, 10)
             return _ended(site, fleet, since_ns=killed_ns + SETTLED_NS, without=["dap1"])
+
+
+def half_open(folder: Path) -> Outcome:
+    """Take the DAP that an agent is linked to out of reach, with nothing said, and let it live."""
+    with Air(["post", "dap1", "dap2", "r1", STAYS]) as air:
+        site = Deployment(folder, ["dap1", "dap2"], ["r1", STAYS], air)
+        for one, other in (("dap1", "post"), ("dap2", "post"), ("r1", "dap1"), (STAYS, "dap2")):
+            air.link(one, other, Link(delay_s=0.005))
+        with Fleet(folder / "logs", programs_of(site), air) as fleet:
+            fleet.start()
+            _has_said(site, 3)
+            wait_for(lambda: is_safe(site.journal("r1")), "a receipt", PATIENCE_S)
+            air.link("r1", "dap2", Link(delay_s=0.005))
+            air.cut("r1", "dap1")
+            cut_ns = time.time_ns()
+            _has_said(site, 10)
+            return _ended(site, fleet, since_ns=cut_ns + SETTLED_NS)
 
 
 def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: float) -> Outcome:
@@ -175,21 +197,26 @@ def _ended(
     codes = fleet.stop()
     assert set(codes.values()) == {0}, codes
     told = account(site.recording, journals)
-    return Outcome(*told, None if since_ns is None else _beats_late_s(site.recording, since_ns))
+    if since_ns is None:
+        return Outcome(*told, None, None)
+    beats = _beats_s(site.recording)
+    late_s = np.concatenate([came - sent for sent, came in beats.values()])
+    sent_s = np.concatenate([sent for sent, _ in beats.values()])
+    late_s = late_s[sent_s >= since_ns / NS_PER_S]
+    silent_s = max(float(np.diff(np.sort(came)).max()) for _, came in beats.values())
+    return Outcome(*told, (float(np.median(late_s)), float(np.quantile(late_s, 0.99))), silent_s)
 
 
-def _beats_late_s(recording: Path, since_ns: int) -> tuple[float, float]:
-    late_s = np.array(list(_ages_s(recording, since_ns)))
-    return float(np.median(late_s)), float(np.quantile(late_s, 0.99))
-
-
-def _ages_s(recording: Path, since_ns: int) -> Iterable[float]:
+def _beats_s(recording: Path) -> dict[str, tuple[Floats, Floats]]:
+    """Return when each responder's beats were sent and came (n,), by one machine's clock."""
+    found: dict[str, list[tuple[int, int]]] = {}
     for message in read_recording(recording):
         key = parse_key(message.key)
-        if isinstance(key, Refusal) or (key.topic, key.role) != ("beat", "responder"):
-            continue
-        if message.publish_time_ns >= since_ns:
-            yield (message.log_time_ns - message.publish_time_ns) / NS_PER_S
+        if not isinstance(key, Refusal) and (key.topic, key.role) == ("beat", "responder"):
+            times_ns = (message.publish_time_ns, message.log_time_ns)
+            found.setdefault(key.node_id, []).append(times_ns)
+    columns = {name: np.array(times_ns).T / NS_PER_S for name, times_ns in found.items()}
+    return {name: (sent_s, came_s) for name, (sent_s, came_s) in columns.items()}
 
 
 def programs_of(site: Deployment) -> list[Program]:

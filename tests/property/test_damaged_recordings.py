@@ -141,3 +141,20 @@ def test_one_cut_anywhere_is_gone_on_with_behind_all_its_whole_chunks(
     assert len(kept) >= whole
     assert recording.report.complete
     assert len(indexed) == len(found)
+
+
+def test_a_power_cut_at_every_byte_of_the_last_chunk_takes_no_more_than_that_chunk(
+    sample: Sample, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.mcap"
+    part = tmp_path / "a.mcap.part"
+    (last_chunk_at, whole), (end, count) = sample.sizes[-2:]
+    kept_counts = []
+    for size in range(last_chunk_at, end + 1):
+        part.write_bytes(sample.data[:size])
+        RecordingFile(path, {"incident": "test"}, resume=True).abandon()
+        kept = list(read_recording(part))
+        assert kept == sample.messages[: len(kept)]
+        kept_counts.append(len(kept))
+    assert set(kept_counts) == {whole, count}
+    assert kept_counts == sorted(kept_counts)
