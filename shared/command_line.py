@@ -21,7 +21,8 @@ def run_command_line(app: App) -> None:
     """
     configure_logging()
     interrupt_on_signals()
-    app.meta.default(_with_logging(app))
+    if app.meta.default_command is None:
+        app.meta.default(_with_logging(app))
     try:
         code = app.meta(sys.argv[1:], exit_on_error=False, result_action="return_value")
     except CycloptsError:

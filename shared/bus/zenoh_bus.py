@@ -8,11 +8,12 @@ its handlers raise comes through ``logging``.
 
 from __future__ import annotations
 
+import itertools
 import json
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import structlog
 import zenoh
@@ -27,7 +28,14 @@ from shared.bus.interface import (
     Wanted,
 )
 from shared.bus.key_expression import check_key, check_key_expression
-from shared.bus.zenoh_settings import Mode, check_dialled, check_endpoint, session_settings
+from shared.bus.zenoh_settings import (
+    LONGEST_OPEN_MS,
+    OPEN_ATTEMPT_MS,
+    Mode,
+    check_dialled,
+    check_endpoint,
+    session_settings,
+)
 from shared.security.bundle import Bundle
 from shared.topics import Priority
 
@@ -93,7 +101,7 @@ class ZenohBus:
         bundle: Bundle | None = None,
     ) -> None:
         settings = session_settings(mode, connect, listen, bundle)
-        self._configuration = zenoh.Config.from_json5(json.dumps(settings))
+        self._settings = settings
         self._connect = list(connect)
         self._guard = HandlerGuard()
         self._lock = threading.RLock()
@@ -110,7 +118,7 @@ class ZenohBus:
         if mode == "client":
             self._opener.start()
         else:
-            self._adopt(_open_router(self._configuration, listen))
+            self._adopt(_open_router(_configuration(settings), listen))
 
     @property
     def handler_failures(self) -> int:
@@ -258,11 +266,23 @@ class ZenohBus:
         self.close()
 
     def _open_client(self) -> None:
-        """Try to open a session until there is a router, or until closed."""
+        """Try to open a session until there is a router, or until closed.
+
+        Zenoh tries routers in their order and has no time left for the second where the first is
+        out of reach: so each comes first in its turn, and has the longer the more were tried.
+        """
         told = False
-        while not self._closing.is_set():
+        for number in itertools.count():
+            if self._closing.is_set():
+                return
+            turn, rounds = number % len(self._connect), number // len(self._connect)
+            dialled = [*self._connect[turn:], *self._connect[:turn]]
+            attempt_ms = min(OPEN_ATTEMPT_MS * (1 + rounds), LONGEST_OPEN_MS)
+            connect = {
+                **self._settings["connect"], "endpoints": dialled, "timeout_ms": attempt_ms
+            }  # fmt: skip
             try:
-                session = zenoh.open(self._configuration)
+                session = zenoh.open(_configuration({**self._settings, "connect": connect}))
             except zenoh.ZError as error:
                 if not told:
                     log.info("no router answers yet, trying on", dialling=self._connect)
@@ -318,6 +338,10 @@ class ZenohBus:
         if session is not None:
             with suppress(zenoh.ZError):
                 session.close()  # type: ignore[no-untyped-call]
+
+
+def _configuration(settings: Mapping[str, Any]) -> zenoh.Config:
+    return zenoh.Config.from_json5(json.dumps(settings))
 
 
 def _open_router(configuration: zenoh.Config, listen: Sequence[str]) -> zenoh.Session:

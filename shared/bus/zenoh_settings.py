@@ -19,6 +19,10 @@ from shared.security.certificates import Identity
 Mode: TypeAlias = Literal["router", "client"]
 
 OPEN_ATTEMPT_MS = 1500
+LONGEST_OPEN_MS = 4500
+OPEN_LINK_MS = 2500
+"""Over TLS a link is open after some five times what there and back takes."""
+
 LEASE_MS = 2000
 LONGEST_MESSAGE_BYTES = 1 << 20
 """What is longer never reaches us: Zenoh drops it before it has come in whole."""
@@ -92,7 +96,11 @@ def session_settings(
                 "period_increase_factor": 1.5,
             },
         },
-        "transport": {"shared_memory": {"enabled": False}, "link": link},
+        "transport": {
+            "shared_memory": {"enabled": False},
+            "unicast": {"open_timeout": OPEN_LINK_MS},
+            "link": link,
+        },
         # Where a router says which port it was given.
         "adminspace": {"enabled": not client, "permissions": {"read": True, "write": False}},
     }

@@ -25,6 +25,8 @@ from tests.waiting import DEADLINE_S, wait_for
 
 FOR_TEST = ("--insecure", "--incident", "test")
 MS = 1_000_000
+SLEWED_NS = 5 * MS
+"""What the machine's own clock may be put right by between the starts of two processes."""
 
 
 @contextmanager
@@ -101,7 +103,7 @@ def test_clocks_that_are_off_and_set_later_are_known_to_milliseconds(tmp_path: P
         assert post.wait(DEADLINE_S) == 0
     for each, known in known_clocks(recording).items():
         assert known.uncertainty_ns is not None
-        assert abs(known.offset_ns + ahead_s[each] * NS_PER_S) <= known.uncertainty_ns
+        assert abs(known.offset_ns + ahead_s[each] * NS_PER_S) <= known.uncertainty_ns + SLEWED_NS
         assert known.uncertainty_ns <= 500 * MS
 
 

@@ -20,7 +20,6 @@ in_air = pytest.mark.skipif(NO_AIR is not None, reason=str(NO_AIR))
     [
         pytest.param(lambda folder: ordeals.kills(folder, times=5, lives_s=1.0), id="kills"),
         pytest.param(lambda folder: ordeals.out_of_range(folder, 5.0), id="range", marks=in_air),
-        pytest.param(lambda folder: ordeals.multi_hop(folder, 5.0), id="multi_hop", marks=in_air),
         pytest.param(
             lambda folder: ordeals.bad_air(
                 folder, 2, Link(delay_s=0.01, loss=0.2), cut_s=4.0, after_s=2.0
