@@ -24,6 +24,14 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _stay() -> Iterator[None]:
+    """Have a program that a test runs in this process not end the process for a thread's sake."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("shared.process.NOT_WAITED_FOR", frozenset())
+        yield
+
+
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
     """Folder of the real recordings: ``CLEW_DATA``, else ``shared/data`` beside the checkout."""
