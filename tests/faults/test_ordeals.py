@@ -19,7 +19,6 @@ in_air = pytest.mark.skipif(NO_AIR is not None, reason=str(NO_AIR))
     "ordeal",
     [
         pytest.param(lambda folder: ordeals.kills(folder, times=5, lives_s=1.0), id="kills"),
-        pytest.param(lambda folder: ordeals.out_of_range(folder, 5.0), id="range", marks=in_air),
         pytest.param(
             lambda folder: ordeals.bad_air(
                 folder, 2, Link(delay_s=0.01, loss=0.2), cut_s=4.0, after_s=2.0
