@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 
@@ -15,3 +16,8 @@ def wait_for(condition: Callable[[], object], what: str, deadline_s: float = DEA
     while not condition():
         assert time.monotonic() < end_s, f"waited {deadline_s} s in vain for {what}"
         time.sleep(0.005)
+
+
+def let_last(seconds: float) -> None:
+    """Let a fault last, for what it does shows in time only; then wait for a condition."""
+    threading.Event().wait(seconds)

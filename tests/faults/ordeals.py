@@ -7,7 +7,6 @@ lost, what came twice, and how late live messages were meanwhile.
 from __future__ import annotations
 
 import random
-import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from shared.mcap_reader import read_recording
 from shared.units import NS_PER_S
 from tests.faults.air import Air, Channel, Link
 from tests.faults.fleet import Deployment, Fleet, Program, account, is_safe, rows_of
-from tests.waiting import wait_for
+from tests.waiting import let_last, wait_for
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -66,7 +65,7 @@ def kills(folder: Path, times: int, seed: int = 1, lives_s: float = 3.0) -> Outc
             if number % len(everybody) == 0:
                 _has_said(site, 2)
             else:
-                _passed(chance.uniform(0.2, 2.0) * lives_s)
+                let_last(chance.uniform(0.2, 2.0) * lives_s)
         return _ended(site, fleet)
 
 
@@ -83,7 +82,7 @@ def out_of_range(folder: Path, away_s: float) -> Outcome:
             _has_said(site, 3)
             wait_for(lambda: is_safe(site.journal("r1")), "a receipt", PATIENCE_S)
             air.cut("r1", "dap1")
-            _passed(away_s)
+            let_last(away_s)
             _has_said(site, 3)
             air.link("r1", "dap2", Link(delay_s=0.005))
             back_ns = time.time_ns()
@@ -107,7 +106,7 @@ def multi_hop(folder: Path, lasts_s: float) -> Outcome:
             _has_said(site, 3)
             fleet.kill("dap1")
             killed_ns = time.time_ns()
-            _passed(lasts_s)
+            let_last(lasts_s)
             _has_said(site, 10)
             return _ended(site, fleet, since_ns=killed_ns + SETTLED_NS, without=["dap1"])
 
@@ -144,12 +143,12 @@ def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: fl
             _has_said(site, 3)
             for name in names:
                 air.cut(name, "dap1")
-            _passed(cut_s)
+            let_last(cut_s)
             _has_said(site, 3)
             for name in names:
                 air.link(name, "dap1", link)
             mended_ns = time.time_ns()
-            _passed(after_s)
+            let_last(after_s)
             _has_said(site, 10)
             return _ended(site, fleet, since_ns=mended_ns + SETTLED_NS)
 
@@ -164,11 +163,6 @@ def narrow(folder: Path, responders: int = 8, cut_s: float = 30.0) -> Outcome:
     """Let agents share 512 kbit/s, and make up for a cut on it."""
     link = Link(delay_s=0.01, channel=Channel(bit_per_s=512_000.0))
     return bad_air(folder, responders, link, cut_s, after_s=30.0)
-
-
-def _passed(seconds: float) -> None:
-    """Let a fault last: what it does shows in time only."""
-    threading.Event().wait(seconds)
 
 
 def _has_said(site: Deployment, more: int) -> None:

@@ -19,7 +19,7 @@ from tests.bus.relay import Channel, Relay
 from tests.bus.test_zenoh import port_of
 from tests.faults.hearing import Hearing
 from tests.faults.talker import Talker
-from tests.waiting import DEADLINE_S, wait_for
+from tests.waiting import DEADLINE_S, let_last, wait_for
 
 FIRE = "fire"
 
@@ -89,18 +89,13 @@ def site(opened: ExitStack, tmp_path: Path) -> Site:
     return Site(opened, tmp_path)
 
 
-def passed(seconds: float) -> None:
-    """Let a fault last: what it does shows in time only."""
-    threading.Event().wait(seconds)
-
-
 @pytest.mark.parametrize("delay_s", [0.0, 0.05])
 def test_a_link_that_is_cut(site: Site, delay_s: float) -> None:
     relay = site.relay(delay_s)
     with site.talking("r1", relay.port, 50.0):
         site.has_heard("r1")
         relay.cut()
-        passed(2.0)
+        let_last(2.0)
         relay.mend()
         site.has_heard("r1", more=100)
     assert site.hearing.assert_has_all_of(site.journals) > 100
@@ -112,7 +107,7 @@ def test_a_link_that_falls_silent(site: Site) -> None:
     with site.talking("r1", relay.port, 50.0):
         site.has_heard("r1")
         relay.stall()
-        passed(3.0)
+        let_last(3.0)
         relay.resume()
         site.has_heard("r1", more=100)
     assert site.hearing.assert_has_all_of(site.journals) > 100
@@ -125,9 +120,9 @@ def test_a_link_that_flaps(site: Site, delay_s: float) -> None:
         site.has_heard("r1")
         for _ in range(4):
             relay.cut()
-            passed(0.5)
+            let_last(0.5)
             relay.mend()
-            passed(1.0)
+            let_last(1.0)
         site.has_heard("r1", more=100)
     assert site.hearing.assert_has_all_of(site.journals) > 100
 
@@ -137,7 +132,7 @@ def test_what_is_said_before_there_is_a_post_arrives(opened: ExitStack, tmp_path
     relay = site.relay(0.03)
     relay.cut()
     with site.talking("r1", relay.port, 50.0):
-        passed(1.0)
+        let_last(1.0)
         relay.mend()
         site.has_heard("r1", more=60)
     assert site.hearing.assert_has_all_of(site.journals) >= 60
@@ -160,7 +155,7 @@ def test_eight_share_a_narrow_link(site: Site, benchmark: BenchmarkFixture, long
                 talking.enter_context(site.talking(name, relay.port, 2.0))
             site.has_heard(*names)
             relay.cut()
-            passed(cut_s)
+            let_last(cut_s)
             mended_s = time.monotonic()
             relay.mend()
             site.has_heard(*names, more=round(2.0 * cut_s) + 20, deadline_s=20.0 + cut_s)
@@ -196,7 +191,7 @@ def test_raw_samples_that_do_not_get_through_hold_no_stride_up(
             end_s = time.monotonic() + seconds
             while time.monotonic() < end_s:
                 bus.publish(key, batch, "low")
-                passed(0.02)
+                let_last(0.02)
 
     began_s = time.monotonic()
     benchmark.pedantic(flood_the_link, rounds=1, iterations=1)  # type: ignore[no-untyped-call]
