@@ -22,7 +22,8 @@ from rich.console import Console
 from rich.table import Table
 from scipy.ndimage import uniform_filter1d
 
-from shared.simulation.boot_imu import GRAVITY_M_S2, simulate_boot_imu
+from shared.simulation.boot_imu import simulate_boot_imu
+from shared.simulation.inertial_reading import GRAVITY_M_S2
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.simulation.walker import simulate_walk
 

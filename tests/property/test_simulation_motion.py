@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shared.simulation.boot_imu import inertial_truth, nav_from_body, simulate_boot_imu
+from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.chance import generator
 from shared.simulation.imu_errors import ImuSettings
+from shared.simulation.inertial_reading import inertial_truth, nav_from_body
 from shared.simulation.magnetic import MagneticField, MagneticSettings
 from shared.simulation.scenario import Gait, LevelGait, Move
 from shared.simulation.sole import Sole

@@ -11,9 +11,10 @@ import pytest
 
 from shared.maths.angles import wrap_rad
 from shared.maths.rotations import from_rotation_vector, multiply, rotate
-from shared.simulation.boot_imu import GRAVITY_M_S2, nav_from_body, simulate_boot_imu
+from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.gait_figures import FIGURES, recorded_figures, simulated_figures
 from shared.simulation.imu_errors import ImuSettings, ringing
+from shared.simulation.inertial_reading import GRAVITY_M_S2, nav_from_body
 from shared.simulation.magnetic import MagneticSettings
 from shared.simulation.scenario import Gait, Scenario, Stand, load_scenario
 from shared.simulation.walker import Walk, simulate_walk

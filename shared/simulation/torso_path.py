@@ -1,0 +1,200 @@
+"""How a walker's trunk moves: it rises over each leg, swings from side to side, and leans.
+
+Twice a stride the trunk is highest, over the leg that stands, and lowest and fastest while both
+feet are down; once a stride it goes to either side, turns and tilts. How much it rises and goes
+aside goes by speed as motion capture of ten people found (Orendurff et al., "The effect of walking
+speed on center of mass displacement", J. Rehabil. Res. Dev. 41, 2004); people differ around that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from shared.simulation.gaits import CRAWL_POSTURE_RAD
+from shared.simulation.variation import unrest
+from shared.simulation.walker import Walk
+
+Array: TypeAlias = NDArray[np.float64]
+TorsoPlace: TypeAlias = Literal["belt", "chest"]
+
+RISE_AT_SPEED = ((0.7, 0.0274), (1.6, 0.0483))
+"""m/s, m: how far the trunk rises and falls in a step."""
+ASIDE_AT_SPEED = ((0.7, 0.0699), (1.6, 0.0385))
+"""m/s, m: how far it goes from side to side in a stride."""
+LEAST_RISE_M = 0.008
+LEAST_ASIDE_M = 0.015
+WIDE_FROM_M_S = 0.5
+"""Below this speed one shuffles: the trunk hardly goes aside."""
+
+STRIDE_SPREAD = 0.07
+"""Strides of one person differ by so much of their rise, and of how far they go aside."""
+UNREST = 0.6
+CRAWLING_RAD = np.radians(-75.0)
+CRAWLING_HEIGHT_M = 0.55
+SWAY_KNOT_S = 0.6
+SWAY = np.array([0.002, 0.002, 2e-4, *np.radians([0.2, 0.25, 0.3])])
+"""Of a trunk that only balances: shifts (m), roll, pitch and yaw (rad), standard deviations."""
+SETTLED_S = 0.4
+"""Who dwells on a foot for longer stands, and the trunk is quiet."""
+
+
+class Trunk(NamedTuple):
+    """One person's trunk where the sensor is.
+
+    ``rise``, ``aside``: shares of what is usual at a speed. ``second`` is the part of the rise that
+    comes four times a stride, and ``second_rad`` its lag; ``third`` the part of the way aside that
+    comes three times; ``surge`` how much of its speed the trunk
+    gains and loses over a step; ``limp`` the difference between left and right. Angles are
+    amplitudes of roll and yaw over the stride and pitch over the step, then lean in walking.
+    ``lever_m`` is how far ahead of the trunk's axis the sensor is.
+    """
+
+    rise: float
+    aside: float
+    second: float
+    second_rad: float
+    third: float
+    surge: float
+    limp: float
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    lean_rad: float
+    height_m: float
+    lever_m: float
+
+
+def draw_trunk(place: TorsoPlace, chance: np.random.Generator) -> Trunk:
+    """Return one person's trunk, at the belt or at the chest."""
+    belt = place == "belt"
+    roll_deg, pitch_deg, yaw_deg = (4.0, 1.5, 4.5) if belt else (2.0, 1.5, -3.5)
+    spread = np.exp(chance.normal(0.0, 0.25, 3))
+    return Trunk(
+        rise=float(np.exp(chance.normal(0.0, 0.12))),
+        aside=float(np.exp(chance.normal(0.0, 0.2))),
+        second=float(chance.normal(0.06, 0.02)),
+        second_rad=float(chance.normal(0.8, 0.4)),
+        third=float(chance.normal(0.06, 0.03)),
+        surge=float(np.clip(chance.normal(0.11, 0.02), 0.04, 0.2)),
+        limp=float(chance.normal(0.0, 0.05)),
+        roll_rad=float(np.radians(roll_deg) * spread[0]),
+        pitch_rad=float(np.radians(pitch_deg) * spread[1]),
+        yaw_rad=float(np.radians(yaw_deg) * spread[2]),
+        lean_rad=float(np.radians(chance.normal(-3.0, 1.5))),
+        height_m=float(chance.normal(1.0 if belt else 1.3, 0.04)),
+        lever_m=-0.11 if belt else 0.12,
+    )
+
+
+@dataclass(frozen=True)
+class TorsoPath:
+    """The pose of a sensor on the trunk; see ``pose``.
+
+    ``body`` goes along the plan (north, east, the floor's down, heading); ``phase`` is the stride's
+    (rad, 2π a stride, 0 over the right leg); ``figures`` is, over time: the rise and the way aside
+    (m), the surge (m), effort (0 to 1) and crouch (0 to 1). ``unrest`` and ``sway`` are splines
+    from time to three shifts (m) and roll, pitch and yaw (rad).
+    """
+
+    trunk: Trunk
+    body: CubicSpline[np.float64]
+    phase: PchipInterpolator
+    figures: PchipInterpolator
+    unrest: CubicSpline[np.float64]
+    sway: CubicSpline[np.float64]
+    from_s: float
+    until_s: float
+
+    def pose(self, time_s: Array) -> tuple[Array, Array]:
+        """Return the sensor's position (n, 3) NED and roll, pitch, yaw (n, 3) at ``time_s`` (n,).
+
+        The angles turn the trunk's forward-right-down frame in the order yaw, pitch, roll; yaw is
+        continuous, not wrapped. Before the first stride and after the last the trunk stands.
+        """
+        held_s = np.clip(time_s, self.from_s, self.until_s)
+        phase, (rise, aside, surge, effort, crouch) = self.phase(held_s), self.figures(held_s).T
+        t, trunk = 2.0 * phase, self.trunk
+        limp = 1.0 + trunk.limp * np.cos(phase)
+        lowered = 0.5 * rise * limp * (1.0 - np.cos(t))
+        # Four times a stride, and nothing over the leg that stands.
+        lowered += (
+            trunk.second * rise * (np.cos(2.0 * t + trunk.second_rad) - np.cos(trunk.second_rad))
+        )
+        ahead = trunk.lever_m - surge * np.sin(t)
+        right = 0.5 * aside * (np.cos(phase) + trunk.third * np.cos(3.0 * phase))
+        roll = trunk.roll_rad * effort * np.sin(phase)
+        pitch = trunk.pitch_rad * effort * np.sin(t + 0.6) + trunk.lean_rad * effort
+        pitch += CRAWLING_RAD * crouch
+        body = self.body(held_s)
+        yaw = body[:, 3] + trunk.yaw_rad * effort * np.cos(phase + 0.4)
+        height_m = trunk.height_m + (CRAWLING_HEIGHT_M - trunk.height_m) * crouch
+        position_m = body[:, :3].copy()
+        position_m[:, 0] += ahead * np.cos(yaw) - right * np.sin(yaw)
+        position_m[:, 1] += ahead * np.sin(yaw) + right * np.cos(yaw)
+        position_m[:, 2] += lowered - height_m
+        shift = self.unrest(time_s) + self.sway(time_s)
+        return position_m + shift[:, :3], np.column_stack([roll, pitch, yaw]) + shift[:, 3:]
+
+
+def torso_path(walk: Walk, place: TorsoPlace, chance: np.random.Generator) -> TorsoPath:
+    """Return how the trunk of who walks ``walk`` moves at ``place``."""
+    trunk = draw_trunk(place, chance)
+    body = walk.body
+    from_s, until_s = float(body.time_s[0]), float(body.time_s[-1])
+    start_s, end_s = walk.left_s[:-1], walk.reached_s[1:]
+    knots_s = np.column_stack([walk.reached_s, walk.left_s]).ravel()
+    moments = np.append(True, np.diff(knots_s) > 0.0)
+    carried = np.array([gait == "lift" for gait in walk.gaits], dtype=bool)
+    turns = np.append(0.0, np.cumsum(~carried)).repeat(2)
+    effort = np.where(carried, 0.0, 1.0)
+    sway_s = np.arange(from_s - 2.0, until_s + 2.0, SWAY_KNOT_S)
+    return TorsoPath(
+        trunk=trunk,
+        body=CubicSpline(body.time_s, np.column_stack([body.position_m, body.heading_rad])),
+        phase=PchipInterpolator(knots_s[moments], 2.0 * np.pi * turns[moments]),
+        figures=_figures(walk, trunk, effort, chance),
+        unrest=unrest(from_s, start_s, end_s, UNREST * effort, until_s, chance),
+        sway=CubicSpline(sway_s, SWAY * chance.normal(0.0, 1.0, (len(sway_s), 6))),
+        from_s=from_s,
+        until_s=until_s,
+    )
+
+
+def _figures(
+    walk: Walk, trunk: Trunk, effort: Array, chance: np.random.Generator
+) -> PchipInterpolator:
+    """Each stride has its own in its middle; who stands has none of them, but may crouch."""
+    start_s, end_s = walk.left_s[:-1], walk.reached_s[1:]
+    way_m = np.diff(np.array([fall.body_m for fall in walk.footfalls]), axis=0)[:, :2]
+    speed_m_s = np.hypot(*way_m.T) / (end_s - start_s)
+    varied = np.exp(chance.normal(0.0, STRIDE_SPREAD, (2, len(speed_m_s))))
+    rise_m = trunk.rise * np.maximum(_line(RISE_AT_SPEED, speed_m_s), LEAST_RISE_M)
+    aside_m = trunk.aside * np.maximum(_line(ASIDE_AT_SPEED, speed_m_s), LEAST_ASIDE_M)
+    aside_m *= np.minimum(speed_m_s / WIDE_FROM_M_S, 1.0)
+    # The integral of what speed gains and loses as often as the trunk rises.
+    surge_m = trunk.surge * speed_m_s * (end_s - start_s) / (4.0 * np.pi)
+    crouch = np.array([fall.posture_rad for fall in walk.footfalls]) / CRAWL_POSTURE_RAD
+    striding = np.column_stack(
+        [rise_m * varied[0], aside_m * varied[1], surge_m, np.ones_like(effort)]
+    )
+    striding *= effort[:, None]
+    knots: dict[float, Array] = {}
+    for place, (reached_s, left_s) in enumerate(zip(walk.reached_s, walk.left_s, strict=True)):
+        if left_s - reached_s > SETTLED_S or place in (0, len(walk.reached_s) - 1):
+            quiet = np.array([0.0, 0.0, 0.0, 0.0, crouch[place]])
+            knots[float(reached_s)] = knots[float(left_s)] = quiet
+        if place < len(striding):
+            middle = 0.5 * (crouch[place] + crouch[place + 1])
+            knots[float(0.5 * (start_s[place] + end_s[place]))] = np.append(striding[place], middle)
+    times_s = sorted(knots)
+    return PchipInterpolator(times_s, np.array([knots[time_s] for time_s in times_s]))
+
+
+def _line(points: tuple[tuple[float, float], tuple[float, float]], x: Array) -> Array:
+    (x0, y0), (x1, y1) = points
+    return np.asarray(y0 + (y1 - y0) / (x1 - x0) * (x - x0))
