@@ -103,7 +103,7 @@ def read_motion(
     position_m, angles_rad = motion.pose(time_s)
     field_ut = np.einsum("nij,ni->nj", nav_from_body(angles_rad), field.at(position_m))
     if worn is not None:
-        fine_s: Array = fine_start_s + step_s * np.arange(fine_count)
+        fine_s = fine_start_s + step_s * np.arange(fine_count, dtype=np.float64)
         force, rate = worn(fine_s, force, rate)
         field_ut, _ = worn(time_s, field_ut, np.zeros(field_ut.shape))
     force, rate = sensor.distort(force, rate)
