@@ -11,9 +11,10 @@ from itertools import chain
 
 from edge_agent.alarm_repeats import AlarmRepeats
 from edge_agent.alarms import AlarmEvent, AlarmWatch
-from edge_agent.inertial.activity import ActivityClassifier
-from edge_agent.mounts.intake import readable
+from edge_agent.inertial.activity import ActivityClassifier, ActivityEstimate
+from edge_agent.mounts.intake import has_gyro, readable
 from edge_agent.mounts.interface import Increment, Mount
+from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.self_check import HealthReport, SelfCheck
 from edge_agent.sources.reading import Reading, TruePlace
 from edge_agent.whereabouts import Whereabouts
@@ -35,6 +36,9 @@ from shared.units import NS_PER_S
 IMU_BATCH_S = 0.25
 MOST_IN_A_BATCH = 500
 MOST_FINDINGS = 16
+CADENCE_CONFIDENCE = 0.5
+"""Of an activity that a mount tells: legs are told by their pace alone."""
+
 NOT_KEPT = "the unit's disk is full or fails: steps out of range are lost if it is switched off"
 
 
@@ -48,6 +52,7 @@ class Agent:
         method: str,
         start: LocalPosition | None,
         *,
+        worn: MountName = "boot",
         sends_imu: bool = True,
         stands_at: LocalPosition | None = None,
         keeps: Callable[[], bool] = lambda: True,
@@ -62,12 +67,13 @@ class Agent:
         self._keeps = keeps
         self._mount = mount
         self._method = method
+        self._worn: MountName = worn
         self._start = start
         self._sends_imu = sends_imu
         self._classifier = ActivityClassifier()
-        self._alarm_watch = AlarmWatch()
+        self._alarm_watch = AlarmWatch(worn=worn)
         self._alarm_repeats = AlarmRepeats()
-        self._self_check = SelfCheck(mount.faults)
+        self._self_check = SelfCheck(mount.faults, worn=worn)
         self._whereabouts = Whereabouts(sender, stands_at)
         self._batch: list[ImuSample] = []
         self._told_sd_rad: float | None = None
@@ -84,8 +90,8 @@ class Agent:
         if not self._samples:
             return "no sample came"
         if not self._mount.ready:
-            return "the boot was never still: let the wearer stand for some seconds at first"
-        return "no stride was found: the wearer stood, or the sensor is not on a boot"
+            return f"the {self._worn} was never still: stand for some seconds at first"
+        return f"no step was found: the wearer stood, or the sensor is not worn as {self._worn}"
 
     def forget_place(self) -> None:
         """Note that the wearer may have gone on from where they stood: the post is to know.
@@ -128,7 +134,8 @@ class Agent:
         self._samples += 1
         if self._sends_imu:
             self._record(sample)
-        self._classifier.take_sample(sample)
+        if self._worn == "boot":
+            self._classifier.take_sample(sample)
         increment = self._mount.step(sample)
         self._watch(sample)
         # The first heading gets better, or doubtful, as long as the wearer stands.
@@ -144,9 +151,11 @@ class Agent:
 
     def _watch(self, sample: ImuSample) -> None:
         """Send the alarms and the findings that a sample gives rise to."""
-        events = self._alarm_watch.take_sample(sample)
-        for event in self._alarm_repeats.due(events, sample.time_ns):
-            self._send_alarm(event)
+        # Nobody is hurt because an engine is parked.
+        if self._worn != "vehicle":
+            events = self._alarm_watch.take_sample(sample)
+            for event in self._alarm_repeats.due(events, sample.time_ns):
+                self._send_alarm(event)
         report = self._self_check.take_sample(sample)
         if report is not None:
             self._send_health(report)
@@ -165,10 +174,10 @@ class Agent:
 
     def _record(self, sample: ImuSample) -> None:
         # A batch with one number out of bounds would be refused whole.
-        if not readable(sample):
+        if not readable(sample, needs_gyro=self._worn not in WITHOUT_GYRO):
             return
-        # All samples of a batch have a field, or none has.
-        if self._batch and (self._batch[0].field_ut is None) != (sample.field_ut is None):
+        # All samples of a batch have a field, or none has; and so with rates.
+        if self._batch and _sensors(self._batch[0]) != _sensors(sample):
             self._send_batch()
         self._batch.append(sample)
         lasted_ns = sample.time_ns - self._batch[0].time_ns
@@ -182,14 +191,14 @@ class Agent:
                 sequence=self._sender.next_sequence(TrackStart),
                 position=self._start,
                 heading_sd_rad=heading_sd_rad,
-                mount="boot",
+                mount=self._worn,
                 method=self._method,
             )
         )
 
     def _send_increment(self, increment: Increment) -> None:
         d_north_m, d_east_m, d_down_m = increment.displacement_m
-        activity = self._classifier.take_increment(increment)
+        activity = self._activity(increment)
         self._alarm_watch.flat = self._classifier.flat
         self._self_check.worn = self._mount.worn
         self._self_check.take_increment(increment)
@@ -204,12 +213,20 @@ class Agent:
                 d_heading_rad=increment.d_heading_rad,
                 heading_rad=increment.heading_rad,
                 covariance=increment.covariance,
-                mount="boot",
+                mount=self._worn,
                 activity=activity.activity,
                 activity_confidence=activity.confidence,
                 facing_sd_rad=increment.facing_sd_rad,
             )
         )
+
+    def _activity(self, increment: Increment) -> ActivityEstimate:
+        """Return what the wearer did; only a boot's posture has to be asked for it."""
+        if self._worn == "boot":
+            return self._classifier.take_increment(increment)
+        if increment.activity is None:
+            return ActivityEstimate("unknown", 0.0, f"a {self._worn} does not tell")
+        return ActivityEstimate(increment.activity, CADENCE_CONFIDENCE, "by the mount")
 
     def _send_alarm(self, event: AlarmEvent) -> None:
         self._sender.send(
@@ -252,12 +269,17 @@ class Agent:
                 sequence=self._sender.next_sequence(ImuBatch),
                 time_ns=tuple(sample.time_ns for sample in batch),
                 force_m_s2=_flat([sample.force_m_s2 for sample in batch]),
-                rate_rad_s=_flat([sample.rate_rad_s for sample in batch]),
+                rate_rad_s=_flat([sample.rate_rad_s for sample in batch if has_gyro(sample)]),
                 field_ut=_flat(fields_ut),
                 pressure_pa=tuple(pressures_pa.values()),
                 pressure_rows=tuple(pressures_pa),
             )
         )
+
+
+def _sensors(sample: ImuSample) -> tuple[bool, bool]:
+    """Return whether a sample has a rate, and a field."""
+    return has_gyro(sample), sample.field_ut is not None
 
 
 def _flat(vectors: list[Vector3]) -> tuple[float, ...]:

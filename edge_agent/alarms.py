@@ -12,10 +12,13 @@ import math
 from typing import NamedTuple
 
 from edge_agent.confidence import confidence_of
-from edge_agent.mounts.intake import LARGEST_READING, RESTART_AFTER
+from edge_agent.mounts.intake import LARGEST_READING, RESTART_AFTER, has_gyro
 from shared.maths.rotations import Vector3, angle_between_rad
 from shared.messages import AlarmKind, AlarmPhase, ImuSample
 from shared.units import NS_PER_S
+
+NO_TURN: Vector3 = (0.0, 0.0, 0.0)
+"""What a sensor without a gyroscope is taken to turn: force alone tells whether it moves."""
 
 POSTURE_PERIOD_NS = 100_000_000
 """Posture is looked at this often."""
@@ -75,8 +78,9 @@ class AlarmWatch:
     who learns it; without it no fall is told.
     """
 
-    def __init__(self, settings: AlarmSettings | None = None) -> None:
+    def __init__(self, settings: AlarmSettings | None = None, *, worn: str = "boot") -> None:
         self._settings = settings or AlarmSettings()
+        self._worn = worn
         self._stillness = _Stillness(self._settings)
         self._fall = _FallSigns(self._settings)
         self._motionless: AlarmPhase = "cancelled"
@@ -115,7 +119,7 @@ class AlarmWatch:
             due = "pre_alarm"
         if due not in ("cancelled", self._motionless):
             self._motionless = due
-            reason = f"no motion of the boot for {still_s:.0f} s"
+            reason = f"no motion of the {self._worn} for {still_s:.0f} s"
             events.append(AlarmEvent(now_ns, "motionless", due, 1.0, reason))
         if not self._fallen and still_s >= settings.fall_still_s:
             fall = self._fall.judge(now_ns, self._stillness, self.flat)
@@ -129,11 +133,13 @@ class AlarmWatch:
         events: list[AlarmEvent] = []
         if self._motionless != "cancelled":
             self._motionless = "cancelled"
-            events.append(AlarmEvent(now_ns, "motionless", "cancelled", 1.0, "the boot moves"))
+            events.append(
+                AlarmEvent(now_ns, "motionless", "cancelled", 1.0, f"the {self._worn} moves")
+            )
         moving_s = (now_ns - self._stillness.moving_since_ns) / NS_PER_S
         if self._fallen and moving_s >= self._settings.fall_over_s:
             self._fallen = False
-            reason = f"the boot has been moving for {moving_s:.0f} s"
+            reason = f"the {self._worn} has been moving for {moving_s:.0f} s"
             events.append(AlarmEvent(now_ns, "fall", "cancelled", 1.0, reason))
         return events
 
@@ -161,7 +167,7 @@ class _Stillness:
 
     def take(self, sample: ImuSample) -> bool:
         """Take in a sample; return whether it tells anything."""
-        wx, wy, wz = sample.rate_rad_s
+        wx, wy, wz = sample.rate_rad_s if has_gyro(sample) else NO_TURN
         rate2 = wx * wx + wy * wy + wz * wz
         now_ns, last_ns = sample.time_ns, self.newest_ns
         if not rate2 <= LARGEST_READING**2:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from edge_agent.mounts.intake import LARGEST_READING
 from edge_agent.mounts.interface import Faults, Increment
-from shared.messages import HealthLevel, ImuSample
+from shared.messages import HealthLevel, ImuSample, Mount
 from shared.units import NS_PER_S
 
 Array: TypeAlias = NDArray[np.float64]
@@ -30,7 +30,7 @@ BUNCHED_SHARE = 0.02
 """More steps than this shorter than half the usual one: samples come in bunches."""
 
 SHORTEST_PERIOD_S = 0.0005
-"""No boot sensor is read faster."""
+"""No such sensor is read faster."""
 
 
 class SelfCheckSettings(NamedTuple):
@@ -98,11 +98,17 @@ class _Block(NamedTuple):
 class SelfCheck:
     """Takes samples and increments in order; reports on change, and every ``period_s``.
 
-    ``faults`` are the counts of the mount that is given the same samples.
+    ``faults`` are the counts of the mount that is given the same samples, ``worn`` says which.
     """
 
-    def __init__(self, faults: Faults, settings: SelfCheckSettings | None = None) -> None:
+    def __init__(
+        self, faults: Faults, settings: SelfCheckSettings | None = None, *, worn: Mount = "boot"
+    ) -> None:
         self._faults = faults
+        self._worn = worn.capitalize()
+        self._sensor = f"{self._worn} sensor"
+        words = f"{self._sensor} has stopped sending: check its battery and its cable"
+        self._stalled = (_Finding("fault", words),)
         self._settings = settings or SelfCheckSettings()
         self._counted = replace(faults)
         self._samples: list[ImuSample] = []
@@ -142,9 +148,9 @@ class SelfCheck:
         It bears the time at which that became certain, whenever it is asked for.
         """
         stalled_ns = self._newest_ns + self._stall_ns
-        if now_ns < stalled_ns or self._block_from_ns is None or self._told == _STALLED:
+        if now_ns < stalled_ns or self._block_from_ns is None or self._told == self._stalled:
             return None
-        return self._report(stalled_ns, _STALLED)
+        return self._report(stalled_ns, self._stalled)
 
     def _report(self, now_ns: int, findings: tuple[_Finding, ...]) -> HealthReport | None:
         due = not 0 <= now_ns - self._told_ns < self._settings.period_s * NS_PER_S
@@ -215,35 +221,35 @@ class SelfCheck:
         return (*found, *([_Finding("ok", self.worn)] if self.worn else []))
 
     def _of_stream(self) -> list[_Finding]:
-        settings, blocks = self._settings, self._blocks
+        settings, blocks, sensor = self._settings, self._blocks, self._sensor
         count = sum(block.size for block in blocks)
         found: list[_Finding] = []
         unusable = sum(block.faults.unusable for block in blocks) / count
         if level := _level(unusable, settings.unusable):
-            words = f"Boot sensor sends {unusable:.1%} unreadable values: check its plug and cable"
+            words = f"{sensor} sends {unusable:.1%} unreadable values: check its plug and cable"
             found.append(_Finding(level, words))
         lost = sum(block.missing for block in blocks)
         missing = lost / (lost + count)
         if level := _level(missing, settings.missing):
-            words = f"{missing:.0%} of the boot sensor's readings are missing: check its link"
+            words = f"{missing:.0%} of the {sensor.lower()}'s readings are missing: check its link"
             found.append(_Finding(level, words))
         if any(block.faults.restarts for block in blocks):
-            found.append(_Finding("warning", "Boot sensor's clock was set back: restart the unit"))
+            found.append(_Finding("warning", f"{sensor}'s clock was set back: restart the unit"))
         elif any(block.faults.out_of_order for block in blocks):
-            found.append(_Finding("warning", "Boot sensor's readings come out of order"))
+            found.append(_Finding("warning", f"{sensor}'s readings come out of order"))
         found += self._of_rate()
         return found
 
     def _of_rate(self) -> list[_Finding]:
-        nominal_hz = self._settings.nominal_rate_hz
+        nominal_hz, sensor = self._settings.nominal_rate_hz, self._sensor
         rate_hz = median(block.rate_hz for block in self._blocks)
         if nominal_hz is None or abs(rate_hz / nominal_hz - 1.0) <= self._settings.rate_share:
             return []
-        words = f"Boot sensor reads {rate_hz:.1f} times a second, not {nominal_hz:.0f}: set it up"
+        words = f"{sensor} reads {rate_hz:.1f} times a second, not {nominal_hz:.0f}: set it up"
         return [_Finding("warning", words)]
 
     def _of_axes(self) -> list[_Finding]:
-        settings = self._settings
+        settings, sensor = self._settings, self._sensor
         if len(self._blocks) < settings.stuck_blocks:
             return []
         recent = list(self._blocks)[-settings.stuck_blocks :]
@@ -251,41 +257,41 @@ class SelfCheck:
         span = np.max([block.high for block in recent], axis=0) - low
         stuck = span == 0.0
         if stuck.all():
-            return [_Finding("fault", "Boot sensor repeats one reading: restart it, or swap it")]
+            return [_Finding("fault", f"{sensor} repeats one reading: restart it, or swap it")]
         # At rest, a coarse sensor may well read the same for a while.
         moves = span[:3].max() > settings.moving_m_s2 or span[3:].max() > settings.moving_rad_s
         if stuck.any() and moves:
-            words = "Boot sensor reads the same value on one axis: swap it"
+            words = f"{sensor} reads the same value on one axis: swap it"
             return [_Finding("fault", words)]
         return []
 
     def _of_range(self) -> list[_Finding]:
-        count = sum(block.size for block in self._blocks)
+        worn, count = self._worn, sum(block.size for block in self._blocks)
         tops = (
             ("impacts", sum(block.flat_top_force for block in self._blocks) / count),
             ("turns", sum(block.flat_top_rate for block in self._blocks) / count),
         )
         return [
-            _Finding(level, f"Boot {what} are beyond the sensor's range: positions get worse")
+            _Finding(level, f"{worn} {what} are beyond the sensor's range: positions get worse")
             for what, share in tops
             if (level := _level(share, self._settings.flat_top))
         ]
 
     def _of_calibration(self) -> list[_Finding]:
-        settings = self._settings
+        settings, sensor = self._settings, self._sensor
         found = []
         if level := _level(self._bias_rad_s, settings.bias_rad_s):
             bias_deg_s = math.degrees(self._bias_rad_s)
-            words = f"Boot sensor turns by {bias_deg_s:.1f} °/s while it rests: headings will drift"
+            words = f"{sensor} turns by {bias_deg_s:.1f} °/s while it rests: headings will drift"
             found.append(_Finding(level, words))
         if level := _level(abs(self._gravity_off_m_s2), settings.gravity_off_m_s2):
             gravity_m_s2 = settings.gravity_m_s2 + self._gravity_off_m_s2
-            words = f"Boot sensor reads gravity as {gravity_m_s2:.1f}, not 9.8: have it calibrated"
+            words = f"{sensor} reads gravity as {gravity_m_s2:.1f}, not 9.8: have it calibrated"
             found.append(_Finding(level, words))
         return found
 
     def _of_temperature(self) -> list[_Finding]:
-        settings = self._settings
+        settings, sensor = self._settings, self._sensor
         told = [block.temperature_c for block in self._blocks if block.temperature_c is not None]
         if not told:
             return []
@@ -295,13 +301,13 @@ class SelfCheck:
         beyond_c = max(coldest_c - now_c, now_c - hottest_c)
         if level := _level(beyond_c, (-settings.near_c, 0.0)):
             what = "hot: get it out of the heat" if now_c > 0.0 else "cold: warm it"
-            found.append(_Finding(level, f"Boot sensor is at {now_c:.0f} °C, too {what}"))
+            found.append(_Finding(level, f"{sensor} is at {now_c:.0f} °C, too {what}"))
         half = len(told) // 2
         change_c = fmean(told[-half:]) - fmean(told[:half]) if half >= BLOCKS // 4 else 0.0
         change_c_min = 60.0 * change_c / max(len(told) - half, 1)
         if abs(change_c_min) > settings.drift_c_min:
             way = "warms" if change_c > 0.0 else "cools"
-            words = f"Boot sensor {way} by {abs(change_c_min):.0f} °C a minute: headings may drift"
+            words = f"{sensor} {way} by {abs(change_c_min):.0f} °C a minute: headings may drift"
             found.append(_Finding("warning", words))
         return found
 
@@ -311,7 +317,7 @@ class SelfCheck:
             return []
         lost_s = sum(stride_s for stride_s in strides if stride_s > settings.long_swing_s)
         level = _level(lost_s / sum(strides), settings.no_stance)
-        words = "Boot is rarely found at rest while moving: fasten the sensor tightly"
+        words = f"{self._worn} is rarely found at rest while moving: fasten the sensor tightly"
         return [_Finding(level, words)] if level else []
 
 
@@ -349,6 +355,3 @@ def _kinds(findings: tuple[_Finding, ...]) -> list[tuple[str, str]]:
         (finding.level, "".join(letter for letter in finding.words if not letter.isdigit()))
         for finding in findings
     ]
-
-
-_STALLED = (_Finding("fault", "Boot sensor has stopped sending: check its battery and its cable"),)

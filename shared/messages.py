@@ -9,6 +9,7 @@ receiver passes over fields it does not know. Anything else needs a new version 
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, TypeAlias
 
 import msgspec
@@ -39,7 +40,8 @@ Vector3: TypeAlias = tuple[float, float, float]
 Outline: TypeAlias = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Meta(max_length=64)]
 """Corners (north, east) of a polygon, in order; the last is joined to the first."""
 
-Mount: TypeAlias = Literal["boot"]
+Mount: TypeAlias = Literal["boot", "chest", "waist", "vehicle"]
+"""Where the sensor is: on a boot, at the chest or in the hand, on the belt, in a vehicle."""
 
 Activity: TypeAlias = Literal[
     "unknown", "stand", "walk", "fast", "run", "side_step", "crawl", "stairs_up", "stairs_down",
@@ -68,14 +70,18 @@ Confidence: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 ClockOffsetNs: TypeAlias = Annotated[int, Meta(ge=-(2**62), le=2**62)]
 
 
+WITHOUT_GYRO: Vector3 = (math.nan, math.nan, math.nan)
+"""The angular rate that a sensor without a gyroscope reads."""
+
+
 class ImuSample(msgspec.Struct, frozen=True, gc=False):
     """One reading of an inertial sensor, as a source hands it to a mount. Not a wire message.
 
     ``force_m_s2`` is specific force (a sensor at rest reads +g upwards), ``rate_rad_s`` angular
-    rate, ``field_ut`` the magnetic field where there is a magnetometer; all in the sensor's own
-    right-handed frame. ``pressure_pa`` is the air's, absolute: a barometer is slower than the rest,
-    and the samples between its readings have none. ``temperature_c`` is the sensor's own, where it
-    tells it. ``time_ns`` is the source's clock.
+    rate (``WITHOUT_GYRO`` where there is none), ``field_ut`` the magnetic field where there is a
+    magnetometer; all in the sensor's own right-handed frame. ``pressure_pa`` is the air's,
+    absolute: a barometer is slower than the rest, and the samples between its readings have none.
+    ``temperature_c`` is the sensor's own, where it tells it. ``time_ns`` is the source's clock.
     """
 
     time_ns: int
@@ -122,12 +128,13 @@ class TrackStart(Message, frozen=True, kw_only=True):
 class OdometryIncrement(Message, frozen=True, kw_only=True):
     """Movement since the last increment, in the agent's own north-east-down frame.
 
-    A boot gives one a stride. The agent's north is off from the incident's by a heading offset
-    that the fusion finds. ``event_time_ns`` ends the movement, ``start_time_ns`` begins it;
-    ``heading_rad`` is which way the wearer faces at its end, in the agent's frame, and
-    ``facing_sd_rad`` how well the agent knows it there: it has to find out how the sensor is worn.
-    ``activity`` is what the wearer did, as sure as ``activity_confidence``. ``covariance`` is the
-    upper triangle, row by row, of that of (d_north, d_east, d_down, d_heading): m², m·rad, rad².
+    A boot gives one a stride, chest and waist one a step. The agent's north is off from the
+    incident's by a heading offset that the fusion finds. ``event_time_ns`` ends the movement,
+    ``start_time_ns`` begins it; ``heading_rad`` is which way the wearer faces at its end, in the
+    agent's frame, and ``facing_sd_rad`` how well the agent knows it there: it has to find out how
+    the sensor is worn. ``activity`` is what the wearer did, as sure as ``activity_confidence``.
+    ``covariance`` is the upper triangle, row by row, of that of (d_north, d_east, d_down,
+    d_heading): m², m·rad, rad².
     """
 
     start_time_ns: TimeNs
@@ -174,9 +181,9 @@ class ImuBatch(Message, frozen=True, kw_only=True):
     """Raw inertial samples, for the record: exactly what the mount was given, ``n`` rows.
 
     ``force_m_s2``, ``rate_rad_s`` and ``field_ut`` are flat, x, y, z of the first sample first
-    (3·n numbers); ``field_ut`` is empty without a magnetometer. ``pressure_pa`` has the barometer's
-    readings alone, ``pressure_rows`` the sample of each, counted from 0 and rising.
-    ``event_time_ns`` is the last sample's.
+    (3·n numbers); ``rate_rad_s`` is empty without a gyroscope, ``field_ut`` without a magnetometer.
+    ``pressure_pa`` has the barometer's readings alone, ``pressure_rows`` the sample of each,
+    counted from 0 and rising. ``event_time_ns`` is the last sample's.
     """
 
     time_ns: tuple[TimeNs, ...]

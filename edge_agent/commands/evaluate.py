@@ -15,17 +15,14 @@ from rich.progress import Progress
 
 from edge_agent.commands.score_tables import print_degraded, print_tables
 from edge_agent.commands.track_picture import draw_trial
+from edge_agent.evaluation.course_truth import MountTruth
 from edge_agent.evaluation.degradation import DEGRADATIONS, Degradation
 from edge_agent.evaluation.estimate import estimated_path
-from edge_agent.evaluation.score_card import (
-    ScoreCard,
-    TrialScore,
-    failed_trial,
-    score_card,
-    score_trial,
-)
+from edge_agent.evaluation.score_card import ScoreCard, TrialScore, failed_trial, score_card
+from edge_agent.evaluation.scorers import SCORERS
+from edge_agent.evaluation.truth import Truth
 from edge_agent.mounts.interface import Increment, Mount
-from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, MountName, make_mount
+from edge_agent.mounts.methods import MethodName, MountName, default_method, make_mount
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.trials import Trial, TrialData, find_trials
 from shared.maths.statistics import Summary
@@ -52,6 +49,11 @@ class _Setup(NamedTuple):
     def new_mount(self) -> Mount:
         return make_mount(self.mount, self.method, dominant_direction=self.dominant_direction)
 
+    def score(
+        self, trial: Trial, increments: Sequence[Increment], truth: MountTruth | None
+    ) -> TrialScore:
+        return SCORERS[self.mount](trial.name, trial.group, increments, truth)
+
 
 class _Outcome(NamedTuple):
     """A trial's row, its row by degradation, and what the exit code must be at least."""
@@ -61,12 +63,20 @@ class _Outcome(NamedTuple):
     code: ExitCode
 
 
+class _Scored(NamedTuple):
+    """A method's score card, its cards by degradation, and the exit code it asks for."""
+
+    card: ScoreCard
+    degraded: dict[str, ScoreCard]
+    code: ExitCode
+
+
 def evaluate(
     paths: list[str],
     /,
     *,
     mount: MountName = "boot",
-    method: MethodName = DEFAULT_METHOD,
+    method: MethodName | None = None,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 0,
     degrade: Annotated[bool, Parameter(negative="")] = False,
@@ -75,9 +85,11 @@ def evaluate(
 ) -> int:
     """Score a mount's method on recordings whose truth is known, trial by trial and set by set.
 
-    Errors are taken at the instants of the true stances, after one rigid alignment in the plane.
-    A recording without truth that ends where it began is scored by its closure. A trial that
-    fails is listed and counted. Example: edge-agent evaluate simulated:course --json
+    A boot's errors are taken at the instants of the true stances, after one rigid alignment in the
+    plane. A recording without truth that ends where it began is scored by its closure. Of the
+    other mounts the published method is scored beside the default. A trial that fails is listed
+    and counted. Examples: edge-agent evaluate simulated:course --json;
+    edge-agent evaluate --mount chest ../shared/data/phone_waypoints
 
     Exits with 2 if there is nothing to score, with 1 if a file cannot be used or a trial could not
     be scored; the others are.
@@ -89,14 +101,15 @@ def evaluate(
     mount
         How the sensor is worn.
     method
-        How the mount reads it.
+        How the mount reads it: eskf or linear for a boot, robust or published for the others. The
+        first is the default; the others are then read as published, too.
     dominant_direction
         Hold the heading to where the building's corridors lead, which is learnt on the way.
     seed
         Of the simulated scenarios' walks and sensors, and of what a degradation leaves to chance.
     degrade
-        Score every trial again from a worse sensor, one fault at a time: lower rates and ranges,
-        bias, scale, clock, noise, lost samples, gaps.
+        Score every trial of a boot again from a worse sensor, one fault at a time: lower rates and
+        ranges, bias, scale, clock, noise, lost samples, gaps.
     plot
         Folder for a picture of each trial: track beside truth, and each stride's error.
     json
@@ -104,34 +117,56 @@ def evaluate(
 
     """
     degradations = DEGRADATIONS if degrade else {}
-    setup = _Setup(mount, method, dominant_direction, seed, degradations, plot)
     try:
-        setup.new_mount()
-        trials = [trial for where in paths for trial in find_trials(where, seed)]
+        if degrade and mount != "boot":
+            raise ValueError(f"--degrade: only of a boot's recordings, not of a {mount}'s")
+        setups = [
+            _Setup(mount, one, dominant_direction, seed, degradations, plot)
+            for one in _methods(mount, method)
+        ]
+        for setup in setups:
+            setup.new_mount()
+        trials = [trial for where in paths for trial in find_trials(where, seed, mount)]
         if plot is not None:
             plot.mkdir(parents=True, exist_ok=True)
     except (ValueError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
+    scored = [_score_all(trials, setup) for setup in setups]
+    if json:
+        print(_as_json(*scored))  # noqa: T201
+    else:
+        for setup, (card, degraded, _) in zip(setups, scored, strict=True):
+            print_tables(card, setup.title)
+            if degraded:
+                print_degraded({"as recorded": card, **degraded}, setup.title)
+    return max(one.code for one in scored)
+
+
+def _methods(mount: MountName, method: MethodName | None) -> list[MethodName]:
+    """Return the methods to score: the one asked for, else the default and what it came from."""
+    if method is not None:
+        return [method]
+    default = default_method(mount)
+    return [default] if mount == "boot" or default == "published" else [default, "published"]
+
+
+def _score_all(trials: Sequence[Trial], setup: _Setup) -> _Scored:
     outcomes = list(_score(trials, setup))
-    card = score_card(outcome.row for outcome in outcomes)
     degraded = {
         name: score_card(outcome.degraded[name] for outcome in outcomes)
         for name in setup.degradations
     }
-    if json:
-        print(_as_json(card, degraded))  # noqa: T201
-    else:
-        print_tables(card, setup.title)
-        if degraded:
-            print_degraded({"as recorded": card, **degraded}, setup.title)
-    return max(outcome.code for outcome in outcomes)
+    card = score_card(outcome.row for outcome in outcomes)
+    return _Scored(card, degraded, max(outcome.code for outcome in outcomes))
 
 
-def _as_json(card: ScoreCard, degraded: Mapping[str, ScoreCard]) -> str:
-    told: dict[str, object] = {"trials": card.trials, "sets": _plain(card)}
-    if degraded:
-        told["degraded"] = {name: _plain(worse) for name, worse in degraded.items()}
+def _as_json(first: _Scored, published: _Scored | None = None) -> str:
+    told: dict[str, object] = {"trials": first.card.trials, "sets": _plain(first.card)}
+    if first.degraded:
+        told["degraded"] = {name: _plain(worse) for name, worse in first.degraded.items()}
+    if published is not None:
+        told["published"] = {"trials": published.card.trials, "sets": _plain(published.card)}
     return msgspec.json.format(msgspec.json.encode(told)).decode()
 
 
@@ -177,6 +212,8 @@ def _score_each_way(trial: Trial, setup: _Setup) -> _Outcome:
     for name, degradation in setup.degradations.items():
         chance = generator(setup.seed, "degradation", name, trial.group, trial.name)
         try:
+            if data.truth is not None and not isinstance(data.truth, Truth):
+                raise ValueError("its truth has no stances: not a boot's recording")
             worse = TrialData(*degradation.apply(data.samples, data.truth, chance))
         except ValueError as error:
             degraded[name] = failed_trial(trial.name, trial.group, data.truth, str(error))
@@ -193,7 +230,7 @@ def _score_data(
 ) -> tuple[TrialScore, ExitCode]:
     try:
         increments, elapsed_s = _follow(data, setup)
-        row = score_trial(trial.name, trial.group, increments, data.truth)
+        row = setup.score(trial, increments, data.truth)
     except Exception as error:  # a trial that breaks the mount is a row of the card as well
         _log.exception("the mount or its score failed", trial=trial.name)
         failure = f"{type(error).__name__}: {error}"

@@ -14,7 +14,7 @@ from cyclopts import Parameter, validators
 from edge_agent.agent import Agent
 from edge_agent.commands.prepare import prepared_mount
 from edge_agent.mounts.interface import Faults
-from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName
+from edge_agent.mounts.methods import MethodName, MountName, default_method
 from edge_agent.order_desk import OrderDesk, acknowledge_on_signal, tell_wearer
 from edge_agent.orders import OrderBook
 from edge_agent.sources.opening import open_source
@@ -60,7 +60,8 @@ def run(
     responder_id: Annotated[str, Parameter(name="--id")],
     source: str,
     incident: str = "incident",
-    method: MethodName = DEFAULT_METHOD,
+    mount: MountName = "boot",
+    method: MethodName | None = None,
     connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
     keys: Keys = None,
     insecure: Insecure = False,
@@ -90,8 +91,11 @@ def run(
         csv:FILE (a vendor's export), npz:FILE, mcap:FILE[#responder] or simulated:SCENARIO.
     incident
         Name of the incident.
+    mount
+        How the sensor is worn: on a boot, at the chest or in the hand, on the belt, in a vehicle.
     method
-        How the boot's sensor is read.
+        How it is read: eskf or linear for a boot, robust or published for the others. The first
+        is the default.
     connect
         DAPs and posts to dial, one an option; the first that answers is kept to. By default
         port 7447 of this machine.
@@ -130,8 +134,8 @@ def run(
         bundle = open_keys(keys, Identity("responder", responder_id), insecure=insecure)
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
-            mount = prepared_mount(method, dominant_direction=dominant_direction)
-        opened = open_source(source, responder_id, seed)
+            follower = prepared_mount(mount, method, dominant_direction=dominant_direction)
+        opened = open_source(source, responder_id, seed, mount)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         dialled = connect or (local_endpoint(bundle),)
         kept = journal_path(journal, incident, "responder", responder_id)
@@ -151,8 +155,8 @@ def run(
             sender = node.sender()
             place = _place(start) or opened.start
             agent = Agent(
-                sender, mount, method, place, sends_imu=imu, stands_at=known_point,
-                keeps=lambda: outbox.fault is None,
+                sender, follower, method or default_method(mount), place, worn=mount,
+                sends_imu=imu, stands_at=known_point, keeps=lambda: outbox.fault is None,
             )  # fmt: skip
             if outbox.broken_off and outbox.newest(sender.key(TrackStart)) is not None:
                 _log.warning("goes on where it was broken off: the post knows where they stand")
@@ -169,7 +173,7 @@ def run(
                 else:
                     _play(node, agent, opened, speed)
                 bus.ask_no_more()
-            tell_losses(agent, mount.faults, bus.unsent)
+            tell_losses(agent, follower.faults, bus.unsent)
     except (SourceError, ConfigError, ValueError, FileHeldError) as error:
         _log.error(str(error))
         return ExitCode.USAGE

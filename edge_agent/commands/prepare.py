@@ -9,7 +9,7 @@ import structlog
 from cyclopts import Parameter
 
 from edge_agent.mounts.interface import Mount
-from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, is_built, make_mount
+from edge_agent.mounts.methods import MethodName, MountName, default_method, is_built, make_mount
 from shared.process import ExitCode, end_with_parent, ended_by_signals
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -17,7 +17,7 @@ _log = structlog.stdlib.get_logger(__name__)
 
 def prepare(
     *,
-    method: MethodName = DEFAULT_METHOD,
+    method: MethodName | None = None,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
     """Build the machine code of a boot method, once for all agents on this machine.
@@ -28,7 +28,7 @@ def prepare(
     Parameters
     ----------
     method
-        How the boot's sensor is read.
+        How the boot's sensor is read: eskf, the default, or linear.
     with_parent
         End when standard input closes.
 
@@ -36,18 +36,22 @@ def prepare(
     if with_parent:
         end_with_parent()
     with ended_by_signals():
-        prepared_mount(method)
+        prepared_mount("boot", method)
     return ExitCode.OK
 
 
-def prepared_mount(method: MethodName, *, dominant_direction: bool = False) -> Mount:
-    """Return a new boot mount, whose first sample will wait for nothing; say what takes time.
+def prepared_mount(
+    mount: MountName, method: MethodName | None, *, dominant_direction: bool = False
+) -> Mount:
+    """Return a new mount, whose first sample will wait for nothing; say what takes time.
 
-    Raises ``ValueError`` where ``method`` knows no ``dominant_direction``.
+    Raises ``ValueError`` where ``mount`` has no such method, or that no ``dominant_direction``.
     """
-    if not is_built(method):
+    method = method or default_method(mount)
+    if not is_built(mount, method):
         _log.info("building machine code, once: some thirty seconds", method=method)
     began_s = perf_counter()
-    mount = make_mount("boot", method, dominant_direction=dominant_direction)
-    _log.info("boot method ready", method=method, seconds=round(perf_counter() - began_s, 2))
-    return mount
+    made = make_mount(mount, method, dominant_direction=dominant_direction)
+    seconds = round(perf_counter() - began_s, 2)
+    _log.info(f"{mount} method ready", method=method, seconds=seconds)
+    return made

@@ -12,7 +12,7 @@ from rich.progress import track
 
 from edge_agent.agent import Agent
 from edge_agent.commands.strides import rehearse_strides
-from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
+from edge_agent.mounts.methods import MethodName, default_method, make_mount
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Source
 from edge_agent.sources.recording import SourceError
@@ -33,7 +33,7 @@ def rehearse(
     scenario: str,
     *,
     seeds: str = "1",
-    method: MethodName = DEFAULT_METHOD,
+    method: MethodName | None = None,
     odometry: OdometrySource | None = None,
     output: Path,
     imu: bool = True,
@@ -51,7 +51,7 @@ def rehearse(
     seeds
         One seed, or the first and the last: 0-9.
     method
-        How the boot's sensor is read.
+        How the boot's sensor is read: eskf, the default, or linear.
     odometry
         Simulate the boots' sensors and read them (imu), or only the errors of strides (strides);
         as the scenario says if not given.
@@ -65,6 +65,7 @@ def rehearse(
     """
     if with_parent:
         end_with_parent()
+    method = method or default_method("boot")
     try:
         exercise = load_scenario(scenario)
         jobs = [(seed, one) for seed in seeds_in(seeds) for one in exercise.responders]

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from edge_agent.agent import Agent
 from edge_agent.evaluation.truth import Truth
-from edge_agent.mounts.methods import DEFAULT_METHOD, MethodName, make_mount
+from edge_agent.mounts.methods import MethodName, default_method, make_mount
 from edge_agent.sources.reading import Reading, Source, TruePlace
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.trials import Trial, find_trials
@@ -35,13 +35,13 @@ def retrace(
     /,
     *,
     output: Path,
-    method: MethodName = DEFAULT_METHOD,
+    method: MethodName | None = None,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
     """Follow recordings offline, and write what their wearers' units would have published.
 
-    Leaves a wire log for each recording that has a truth, OUTPUT/FOLDER-NAME.wire, with the truth
-    at each true stance, in the frame of the recording. Example: edge-agent retrace
+    Leaves a wire log for each recording that has true stances, OUTPUT/FOLDER-NAME.wire, with the
+    truth at each of them, in the frame of the recording. Example: edge-agent retrace
     ../shared/data/foot_strides --output logs
 
     Parameters
@@ -51,18 +51,19 @@ def retrace(
     output
         Folder for the logs.
     method
-        How the boot's sensor is read.
+        How the boot's sensor is read: eskf, the default, or linear.
     with_parent
         End when standard input closes.
 
     """
     if with_parent:
         end_with_parent()
+    method = method or default_method("boot")
     try:
         output.mkdir(parents=True, exist_ok=True)
         for trial in (trial for where in paths for trial in find_trials(where, seed=0)):
             _retrace(trial, method, output)
-    except (ConfigError, SourceError, OSError) as error:
+    except (ConfigError, SourceError, ValueError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
@@ -70,8 +71,8 @@ def retrace(
 
 def _retrace(trial: Trial, method: MethodName, folder: Path) -> None:
     samples, truth = trial.load()
-    if truth is None:
-        _log.warning("has no truth, and is left out", trial=trial.name)
+    if not isinstance(truth, Truth):
+        _log.warning("has no true stances, and is left out", trial=trial.name)
         return
     first = samples.sample(0)
     source = Source(_readings(iter(samples), truth), first.time_ns, None)

@@ -35,6 +35,7 @@ _HEADINGS = {
     "floor_rmse_m": "floor m",
     "closure_2d_m": "closure m",
     "closure_3d_m": "closure 3-D m",
+    "steps_error_pct": "steps %",
     "samples_per_s": "samples/s",
 }
 
@@ -93,18 +94,24 @@ def _trials(card: ScoreCard, told: list[str], title: str) -> Table:
     table = Table(title=f"Trials ({title})", title_justify="left")
     table.add_column("set", no_wrap=True)
     table.add_column("trial", no_wrap=True)
-    for heading in ("strides", "length m", "m/s", *(_HEADINGS[metric] for metric in told)):
+    fields = {"strides": "n_strides", "steps": "steps_true", "found": "steps_found"}
+    counts = {heading: field for heading, field in fields.items() if _any(card, field)}
+    for heading in (*counts, "length m", "m/s", *(_HEADINGS[metric] for metric in told)):
         table.add_column(heading, justify="right")
     for row in sorted(card.trials, key=lambda row: (row.set, row.name)):
         table.add_row(
             row.set,
             row.name,
-            "" if row.n_strides is None else str(row.n_strides),
+            *("" if (n := getattr(row, field)) is None else str(n) for field in counts.values()),
             _told(row.length_m),
             _told(row.mean_speed_m_s),
             *(_told(getattr(row, metric)) for metric in told),
         )
     return table
+
+
+def _any(card: ScoreCard, field: str) -> bool:
+    return any(getattr(row, field) is not None for row in card.trials)
 
 
 def _told(value: float | None) -> str:

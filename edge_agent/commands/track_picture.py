@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from edge_agent.evaluation.course_truth import MountTruth, Waypoints
 from edge_agent.evaluation.errors import align
 from edge_agent.evaluation.estimate import EstimatedPath
-from edge_agent.evaluation.truth import Truth
+from edge_agent.evaluation.truth import Array, Truth
 from shared.files import replace_atomically
 
 TRACK_COLOUR = "#0072B2"
@@ -22,28 +23,29 @@ SIZE_IN = (9.0, 9.0)
 DOTS_PER_INCH = 130
 
 
-def draw_trial(path: EstimatedPath, truth: Truth | None, title: str, file: Path) -> None:
+def draw_trial(path: EstimatedPath, truth: MountTruth | None, title: str, file: Path) -> None:
     """Draw ``path`` as a PNG at ``file``, which is replaced whole or not at all.
 
-    Above, the track in the plane, bold, with a dot at each true stance; where there is ``truth``
-    of two stances or more, the track is rigidly aligned with it, and it lies over the track,
-    dashed. Below, estimated minus true length of each stride. Metres, the same scale both ways;
-    north is up in the truth's frame, or the track's own. The folder of ``file`` must exist.
+    Above, the track in the plane, bold, with a dot at each true stance or way-point; where there
+    are two or more, the track is rigidly aligned with them, and they lie over the track, dashed.
+    Below, estimated minus true length of each stride, or of each leg of the way. Metres,
+    the same scale both ways; north is up in the truth's frame, or the track's own. The folder of
+    ``file`` must exist.
     """
     figure = Figure(figsize=SIZE_IN, dpi=DOTS_PER_INCH, layout="constrained")
-    if truth is None or len(truth.time_s) < 2:
+    if not isinstance(truth, Truth | Waypoints) or len(truth.time_s) < 2:
         _draw_track(figure.add_subplot(), path, None)
     else:
         above, below = figure.subplots(2, 1, height_ratios=(3.0, 1.0))
         _draw_track(above, path, truth)
-        _draw_stride_errors(below, path, truth)
+        _draw_length_errors(below, path, truth)
     figure.suptitle(title)
     figure.set_canvas(FigureCanvasAgg(figure))
     with replace_atomically(file) as stream:
         figure.savefig(stream, format="png")
 
 
-def _draw_track(axes: Axes, path: EstimatedPath, truth: Truth | None) -> None:
+def _draw_track(axes: Axes, path: EstimatedPath, truth: Truth | Waypoints | None) -> None:
     track_m = path.position_m[:, :2]
     if truth is not None:
         stood_m = path.at(truth.time_s)[:, :2]
@@ -68,12 +70,18 @@ def _draw_track(axes: Axes, path: EstimatedPath, truth: Truth | None) -> None:
     axes.legend(frameon=False)
 
 
-def _draw_stride_errors(axes: Axes, path: EstimatedPath, truth: Truth) -> None:
+def _draw_length_errors(axes: Axes, path: EstimatedPath, truth: Truth | Waypoints) -> None:
     estimated_m = np.linalg.norm(np.diff(path.at(truth.time_s)[:, :2], axis=0), axis=1)
-    error_cm = 100.0 * (estimated_m - truth.stride_lengths_m)
+    error_cm = 100.0 * (estimated_m - _lengths_m(truth))
     axes.bar(np.arange(1, len(error_cm) + 1), error_cm, color=ERROR_COLOUR)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set_xlabel("stride")
+    axes.set_xlabel("stride" if isinstance(truth, Truth) else "leg of the way")
     axes.set_ylabel("length error (cm)")
     axes.grid(color="#e4e4e4", linewidth=0.5)
     axes.set_axisbelow(True)
+
+
+def _lengths_m(truth: Truth | Waypoints) -> Array:
+    """Return the true length (k - 1,) from each stance, or way-point, to the next."""
+    lengths_m: Array = np.linalg.norm(np.diff(truth.position_m, axis=0), axis=1)
+    return lengths_m

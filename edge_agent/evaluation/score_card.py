@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from edge_agent.evaluation.course_truth import MountTruth
 from edge_agent.evaluation.coverage import coverage95_pct, whole_path_coverage95_pct
 from edge_agent.evaluation.errors import closure, stance_errors
 from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
@@ -20,7 +21,7 @@ METRICS = (
     "end_error_pct", "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct",
     "coverage95_pct", "coverage95_whole_path_pct", "vertical_rmse_m", "vertical_end_error_m",
     "vertical_increment_rmse_m", "vertical_coverage95_pct", "floor_rmse_m",
-    "closure_2d_m", "closure_3d_m", "samples_per_s",
+    "closure_2d_m", "closure_3d_m", "steps_error_pct", "samples_per_s",
 )  # fmt: skip
 """The fields of ``TrialScore`` that a set sums up."""
 
@@ -44,6 +45,7 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     path that turns right, ``vertical_end_error_m`` for one that ends too low. ``coverage95_pct``
     is no error: 95 is what it should be; ``coverage95_whole_path_pct`` would be lower on any walk
     along which heading drifts, and ``vertical_coverage95_pct`` is that of height.
+    ``steps_true`` were counted, ``steps_found`` told.
     ``samples_per_s`` is what the mount alone took in per second of one processor's time.
     ``failure`` says why there is no score; the trial still counts.
     """
@@ -72,6 +74,9 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     closure_2d_m: float | None = None
     closure_3d_m: float | None = None
     samples_per_s: float | None = None
+    steps_true: int | None = None
+    steps_found: int | None = None
+    steps_error_pct: float | None = None
     failure: str | None = None
 
 
@@ -86,10 +91,10 @@ class ScoreCard(msgspec.Struct, frozen=True):
     sets: dict[str, dict[str, int | Summary]]
 
 
-def set_of(group: str, truth: Truth | None) -> str:
+def set_of(group: str, truth: MountTruth | None) -> str:
     """Return the set a trial belongs to: its group, and how fast or on the spot it is."""
     classes = _SPEED_CLASSES.get(group)
-    if truth is None or classes is None:
+    if not isinstance(truth, Truth) or classes is None:
         return group
     if group == "foot_vicon" and truth.length_m < IN_PLACE_LENGTH_M:
         return f"{group}/{IN_PLACE}"
@@ -97,9 +102,11 @@ def set_of(group: str, truth: Truth | None) -> str:
 
 
 def score_trial(
-    name: str, group: str, increments: Sequence[Increment], truth: Truth | None
+    name: str, group: str, increments: Sequence[Increment], truth: MountTruth | None
 ) -> TrialScore:
-    """Return the score of ``increments`` (in order) against ``truth``; closure without truth."""
+    """Return the score of a boot's ``increments`` (in order); closure without truth."""
+    if truth is not None and not isinstance(truth, Truth):
+        return failed_trial(name, group, truth, "its truth has no stances: not a boot's recording")
     if not increments:
         return failed_trial(name, group, truth, "no strides found")
     path = estimated_path(increments)
@@ -131,13 +138,13 @@ def _errors(
     return {metric: value if math.isfinite(value) else None for metric, value in errors.items()}
 
 
-def failed_trial(name: str, group: str, truth: Truth | None, failure: str) -> TrialScore:
+def failed_trial(name: str, group: str, truth: MountTruth | None, failure: str) -> TrialScore:
     """Return the row of a trial without a score, and why."""
     return msgspec.structs.replace(_row(name, group, truth), failure=failure)
 
 
-def _row(name: str, group: str, truth: Truth | None) -> TrialScore:
-    if truth is None:
+def _row(name: str, group: str, truth: MountTruth | None) -> TrialScore:
+    if not isinstance(truth, Truth):
         return TrialScore(name=name, set=group)
     return TrialScore(
         name=name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum, auto
 
 from edge_agent.mounts.interface import Faults
@@ -15,18 +16,32 @@ RESTART_AFTER = 100
 """This many samples running that go back in time: the source's clock was set back."""
 
 
-def readable(sample: ImuSample) -> bool:
-    """Whether a sensor can have read this; a comparison with NaN is false."""
+def readable(sample: ImuSample, *, needs_gyro: bool = True) -> bool:
+    """Whether a sensor can have read this; a comparison with NaN is false.
+
+    Unless it ``needs_gyro``, a sample ``WITHOUT_GYRO`` is one too.
+    """
     fx, fy, fz = sample.force_m_s2
     wx, wy, wz = sample.rate_rad_s
     return (
         -LARGEST_READING <= fx <= LARGEST_READING
         and -LARGEST_READING <= fy <= LARGEST_READING
         and -LARGEST_READING <= fz <= LARGEST_READING
-        and -LARGEST_READING <= wx <= LARGEST_READING
-        and -LARGEST_READING <= wy <= LARGEST_READING
-        and -LARGEST_READING <= wz <= LARGEST_READING
+        and (
+            (
+                -LARGEST_READING <= wx <= LARGEST_READING
+                and -LARGEST_READING <= wy <= LARGEST_READING
+                and -LARGEST_READING <= wz <= LARGEST_READING
+            )
+            or not (needs_gyro or has_gyro(sample))
+        )
     )
+
+
+def has_gyro(sample: ImuSample) -> bool:
+    """Whether the sensor has a gyroscope, be its reading what it may."""
+    wx, wy, wz = sample.rate_rad_s
+    return not (math.isnan(wx) and math.isnan(wy) and math.isnan(wz))
 
 
 class Verdict(Enum):
@@ -40,15 +55,16 @@ class Verdict(Enum):
 class Intake:
     """Judges samples in turn, and counts what is wrong with them in ``faults``."""
 
-    def __init__(self, faults: Faults, gap_s: float) -> None:
+    def __init__(self, faults: Faults, gap_s: float, *, needs_gyro: bool = True) -> None:
         self._faults = faults
+        self._needs_gyro = needs_gyro
         self._gap_ns = round(gap_s * NS_PER_S)
         self._newest_ns: int | None = None
         self._backward = 0
 
     def judge(self, sample: ImuSample) -> Verdict:
         """Return what to do with ``sample``."""
-        if not readable(sample):
+        if not readable(sample, needs_gyro=self._needs_gyro):
             self._faults.unusable += 1
             return Verdict.PASS
         newest_ns = self._newest_ns

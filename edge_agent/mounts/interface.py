@@ -11,7 +11,7 @@ from edge_agent.inertial.linear_zupt import PathPoint
 from edge_agent.inertial.stride_error import Covariance4
 from edge_agent.sources.recording import Recording
 from shared.maths.rotations import Vector3
-from shared.messages import ImuSample
+from shared.messages import Activity, ImuSample
 
 
 class Increment(NamedTuple):
@@ -24,7 +24,8 @@ class Increment(NamedTuple):
     end, standing included; what was learnt meanwhile of how the sensor is worn is not in it, and
     the covariance is of it. ``path`` is the way between, point by point from the start, for whoever
     scores it; empty where the displacement is not known. ``carried_down_m``, of the displacement,
-    was a lift's.
+    was a lift's. ``steps`` is how many steps it is of which at least the length is known, a boot's
+    stride being one; ``activity`` what the wearer did, where the mount itself can tell.
     """
 
     start_time_ns: int
@@ -36,6 +37,8 @@ class Increment(NamedTuple):
     path: Sequence[PathPoint]
     carried_down_m: float = 0.0
     facing_sd_rad: float = UNKNOWN_HEADING_SD_RAD
+    steps: int = 1
+    activity: Activity | None = None
 
 
 @dataclass

@@ -9,39 +9,63 @@ from typing import Literal, TypeAlias
 from edge_agent.inertial.sample_intake import take
 from edge_agent.mounts.boot import BootMount
 from edge_agent.mounts.boot_eskf import EskfBootMount
+from edge_agent.mounts.chest_published import PublishedChestMount
 from edge_agent.mounts.interface import Mount
 from edge_agent.mounts.upright import UprightMount
 from shared.compiled import is_kept
+from shared.messages import Mount as Worn
 
-MountName: TypeAlias = Literal["boot"]
-MethodName: TypeAlias = Literal["eskf", "linear"]
+MountName: TypeAlias = Worn
+MethodName: TypeAlias = Literal["eskf", "linear", "robust", "published"]
 
-DEFAULT_METHOD: MethodName = "eskf"
-
-_MOUNTS: dict[tuple[MountName, MethodName], Callable[[], Mount]] = {
-    ("boot", "eskf"): EskfBootMount,
-    ("boot", "linear"): lambda: UprightMount(BootMount()),
+_MOUNTS: dict[MountName, dict[MethodName, Callable[[], Mount]]] = {
+    "boot": {"eskf": EskfBootMount, "linear": lambda: UprightMount(BootMount())},
+    "chest": {"published": PublishedChestMount},
 }
+"""By mount, the default method first."""
+
 _FOLLOWING_THE_BUILDING: dict[tuple[MountName, MethodName], Callable[[], Mount]] = {
     ("boot", "eskf"): partial(EskfBootMount, dominant_direction=True),
 }
 
+WITHOUT_GYRO: frozenset[MountName] = frozenset({"chest"})
+"""What can be worn without a gyroscope: steps are counted, and nothing is known of headings."""
 
-def make_mount(mount: MountName, method: MethodName, *, dominant_direction: bool = False) -> Mount:
-    """Return a new mount that reads a sensor worn as ``mount`` by ``method``.
 
-    Both tell one increment a stride. ``eskf``: error-state filter smoothed over each stride, from
-    a crawl to a sprint. ``linear``: linear-calibrated zero-velocity update, as published.
-    ``dominant_direction``: hold the heading to where the building's corridors lead. Raises
-    ``ValueError`` for a method that cannot.
+def default_method(mount: MountName) -> MethodName:
+    """Return the method that reads ``mount`` unless another is asked for."""
+    return next(iter(_methods_of(mount)))
+
+
+def make_mount(
+    mount: MountName, method: MethodName | None = None, *, dominant_direction: bool = False
+) -> Mount:
+    """Return a new mount that reads a sensor worn as ``mount`` by ``method``, its own by default.
+
+    A boot tells one increment a stride. ``eskf``: error-state filter smoothed over each stride,
+    from a crawl to a sprint. ``linear``: linear-calibrated zero-velocity update, as published.
+    A chest tells one a step; ``published`` is as the paper has it, here and for the others,
+    ``robust`` ours. ``dominant_direction``: hold the heading to where the building's corridors
+    lead. Raises ``ValueError`` for a method that the mount has not, or that cannot.
     """
+    methods = _methods_of(mount)
+    method = method or default_method(mount)
+    if method not in methods:
+        raise ValueError(f"--method {method}: a {mount} is read by {' or '.join(methods)}")
     if not dominant_direction:
-        return _MOUNTS[mount, method]()
+        return methods[method]()
     if (mount, method) not in _FOLLOWING_THE_BUILDING:
-        raise ValueError(f"--dominant-direction: {method} cannot; use --method {DEFAULT_METHOD}")
+        able = ", ".join(f"--mount {one} --method {by}" for one, by in _FOLLOWING_THE_BUILDING)
+        raise ValueError(f"--dominant-direction: {mount}, {method} cannot; use {able}")
     return _FOLLOWING_THE_BUILDING[mount, method]()
 
 
-def is_built(method: MethodName) -> bool:
+def is_built(mount: MountName, method: MethodName) -> bool:
     """Whether a mount that reads by ``method`` finds its machine code on disk, if it has any."""
-    return method != "eskf" or is_kept(take)
+    return (mount, method) != ("boot", "eskf") or is_kept(take)
+
+
+def _methods_of(mount: MountName) -> dict[MethodName, Callable[[], Mount]]:
+    if mount not in _MOUNTS:
+        raise ValueError(f"--mount {mount}: no method reads it; there are {', '.join(_MOUNTS)}")
+    return _MOUNTS[mount]

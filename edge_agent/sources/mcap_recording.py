@@ -8,7 +8,7 @@ from pathlib import Path
 
 from shared.codec import Refusal, decode, parse_key
 from shared.mcap_reader import RecordingError, read_recording
-from shared.messages import ImuBatch, ImuSample, Vector3
+from shared.messages import WITHOUT_GYRO, ImuBatch, ImuSample, Vector3
 
 
 def read_imu_samples(path: Path, responder_id: str | None = None) -> Iterator[ImuSample]:
@@ -56,7 +56,8 @@ def _choose(path: Path, responders: list[str], wanted: str | None) -> str:
 
 def _samples(path: Path, batch: ImuBatch) -> Iterator[ImuSample]:
     expected = 3 * len(batch.time_ns)
-    lengths = [len(batch.force_m_s2), len(batch.rate_rad_s), len(batch.field_ut) or expected]
+    optional = (len(batch.rate_rad_s) or expected, len(batch.field_ut) or expected)
+    lengths = [len(batch.force_m_s2), *optional]
     if lengths != [expected] * 3:
         raise RecordingError(
             f"{path}: batch {batch.sequence} has {len(batch.time_ns)} times, but {lengths[0]}, "
@@ -66,7 +67,8 @@ def _samples(path: Path, batch: ImuBatch) -> Iterator[ImuSample]:
     forces, rates, fields = map(_vectors, (batch.force_m_s2, batch.rate_rad_s, batch.field_ut))
     for index, time_ns in enumerate(batch.time_ns):
         field = fields[index] if fields else None
-        yield ImuSample(time_ns, forces[index], rates[index], field, pressures.get(index))
+        rate = rates[index] if rates else WITHOUT_GYRO
+        yield ImuSample(time_ns, forces[index], rate, field, pressures.get(index))
 
 
 def _pressures(path: Path, batch: ImuBatch) -> dict[int, float]:

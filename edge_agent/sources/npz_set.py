@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from edge_agent.evaluation.course_truth import DrivenSpeed, MountTruth, StepCount, Waypoints
 from edge_agent.evaluation.truth import Truth, truth_of_path, truth_of_stances
 from edge_agent.sources.recording import (
+    LARGEST_TIME_S,
     MICROTESLA_PER_GAUSS,
     Array,
     Recording,
@@ -18,54 +20,132 @@ from edge_agent.sources.recording import (
 from shared.npz_file import NpzFileError, array_of, load_npz
 from shared.units import NS_PER_S
 
-_NEEDED = ("t_s", "acc_m_s2", "gyr_rad_s")
+WAIST_COURSE_M = 20.0
+"""Of the sets that tell each foot's flights: 10 m out, and back."""
+
 _NED_FROM_Z_UP = np.array([1.0, -1.0, -1.0])
 
 
 class NpzSet(NamedTuple):
-    """One file: its samples, and where the boot really was, if that is known."""
+    """One file: its samples, and what is known of the way, if anything is."""
 
     recording: Recording
-    truth: Truth | None
+    truth: MountTruth | None
 
 
-def read_npz_set(path: Path) -> NpzSet:
-    """Return the recording at ``path``; raise ``SourceError`` if it is not a whole one."""
+def read_npz_set(path: Path, *, needs_gyro: bool = True) -> NpzSet:
+    """Return the recording at ``path``; raise ``SourceError`` if it is not a whole one.
+
+    Sensors on time stamps of their own are interpolated at the accelerometer's. Without a
+    gyroscope, which ``needs_gyro`` refuses, rates are NaN.
+    """
     try:
-        return _read(path)
+        return _read(path, needs_gyro=needs_gyro)
     except NpzFileError as error:
         raise SourceError(str(error)) from error
 
 
-def _read(path: Path) -> NpzSet:
+def _read(path: Path, *, needs_gyro: bool) -> NpzSet:
     arrays = load_npz(path)
-    missing = [name for name in _NEEDED if name not in arrays]
+    clock = "t_s" if "t_s" in arrays or "t_acc_s" not in arrays else "t_acc_s"
+    needed = (clock, "acc_m_s2", *(["gyr_rad_s"] * needs_gyro))
+    missing = [name for name in needed if name not in arrays]
     if missing:
         raise SourceError(
             f"{path}: no array {', '.join(missing)}; it has {', '.join(sorted(arrays)) or 'none'}. "
-            f"A boot recording needs {', '.join(_NEEDED)} "
+            f"A recording needs {', '.join(needed)}"
         )
-    time_s = arrays["t_s"]
+    time_s = arrays[clock]
     count = len(time_s) if time_s.ndim == 1 else 0
     if count < 2:
-        raise SourceError(f"{path}: t_s has shape {time_s.shape}; two samples or more are needed")
-    if not np.isfinite(time_s).all() or np.abs(time_s).max() > 1e9:
-        raise SourceError(f"{path}: t_s holds times that are no seconds; export it again")
-    field_gauss = arrays.get("mag_gauss")
+        raise SourceError(f"{path}: {clock} has shape {time_s.shape}; two samples or more needed")
+    _refuse_no_times(path, clock, time_s)
+    rate_rad_s = _at(path, arrays, ("t_gyr_s", "gyr_rad_s"), time_s)
+    field_gauss = _at(path, arrays, ("t_mag_s", "mag_gauss"), time_s)
     recording = Recording(
         np.round(time_s * NS_PER_S).astype(np.int64),
         array_of(path, arrays, "acc_m_s2", (count, 3)),
-        array_of(path, arrays, "gyr_rad_s", (count, 3)),
-        None
+        np.full((count, 3), np.nan) if rate_rad_s is None else rate_rad_s,
+        _at(path, arrays, ("t_mag_s", "mag_uT"), time_s)
         if field_gauss is None
-        else MICROTESLA_PER_GAUSS * array_of(path, arrays, "mag_gauss", (count, 3)),
+        else MICROTESLA_PER_GAUSS * field_gauss,
         array_of(path, arrays, "pressure_pa", (count,)) if "pressure_pa" in arrays else None,
     )
     return NpzSet(recording, _truth(path, arrays, time_s))
 
 
-def _truth(path: Path, arrays: dict[str, Array], time_s: Array) -> Truth | None:
+def _refuse_no_times(path: Path, name: str, time_s: Array) -> None:
+    if not np.isfinite(time_s).all() or np.abs(time_s).max(initial=0.0) > LARGEST_TIME_S:
+        raise SourceError(f"{path}: {name} holds times that are no seconds; export it again")
+
+
+def _at(
+    path: Path, arrays: dict[str, Array], names: tuple[str, str], time_s: Array
+) -> Array | None:
+    """Return a sensor's readings (n, 3) at ``time_s`` (n,); ``None`` if the file has none.
+
+    ``names`` are those of its own time stamps, which it may share with the accelerometer, and of
+    its readings.
+    """
+    clock, name = names
+    if name not in arrays:
+        return None
+    if clock not in arrays:
+        return array_of(path, arrays, name, (len(time_s), 3))
+    own_s = _rising(path, arrays, clock)
+    readings = array_of(path, arrays, name, (len(own_s), 3))
+    return np.column_stack([np.interp(time_s, own_s, readings[:, axis]) for axis in range(3)])
+
+
+def _rising(path: Path, arrays: dict[str, Array], name: str) -> Array:
+    """Return the times ``name`` (k,) in seconds, which must not fall."""
+    time_s = arrays[name]
+    if time_s.ndim != 1 or not time_s.size:
+        raise SourceError(f"{path}: {name} has shape {time_s.shape}; a row of times is needed")
+    _refuse_no_times(path, name, time_s)
+    if np.any(np.diff(time_s) < 0.0):
+        raise SourceError(f"{path}: {name} goes back; put the rows in order")
+    return time_s
+
+
+def _truth(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth | None:
     """Return the truth in whichever form the set has it; its axes are z up."""
+    return _stances(path, arrays, time_s) or _course(path, arrays, time_s)
+
+
+def _course(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth | None:
+    """Return the truth of a walk or a drive of which no stance is known."""
+    if "truth_waypoint_t_xy" in arrays:
+        rows = arrays["truth_waypoint_t_xy"]
+        array_of(path, arrays, "truth_waypoint_t_xy", (len(rows), 3))
+        if not (np.isfinite(rows).all() and np.all(np.diff(rows[:, 0]) > 0.0)):
+            raise SourceError(f"{path}: truth_waypoint_t_xy: no rising times and places in it")
+        return Waypoints(rows[:, 0], rows[:, 1:] * _NED_FROM_Z_UP[:2])
+    if "truth_steps" in arrays:
+        return StepCount(time_s, array_of(path, arrays, "truth_steps", (len(time_s),)))
+    if "truth_left_steps" in arrays and "truth_right_steps" in arrays:
+        ends_s = time_s[_flight_ends(path, arrays, len(time_s))]
+        counted_s = np.concatenate((time_s[:1], ends_s))
+        return StepCount(counted_s, np.arange(0.0, len(counted_s)), WAIST_COURSE_M)
+    if "truth_speed_m_s" in arrays and "truth_t_s" in arrays:
+        truth_s = _rising(path, arrays, "truth_t_s")
+        return DrivenSpeed(truth_s, array_of(path, arrays, "truth_speed_m_s", truth_s.shape))
+    return None
+
+
+def _flight_ends(path: Path, arrays: dict[str, Array], count: int) -> NDArray[np.int64]:
+    """Return the samples (k,) at which a foot of either side lands, out of ``count``, in order."""
+    ends = []
+    for name in ("truth_left_steps", "truth_right_steps"):
+        flights = array_of(path, arrays, name, (len(arrays[name]), 2))
+        if not ((flights == np.rint(flights)) & (flights >= 0) & (flights < count)).all():
+            raise SourceError(f"{path}: {name} holds what is no sample of it; export it again")
+        ends.append(flights[:, 1])
+    return np.sort(np.concatenate(ends)).astype(np.int64)
+
+
+def _stances(path: Path, arrays: dict[str, Array], time_s: Array) -> Truth | None:
+    """Return the truth of a boot, if the set is of one."""
     if "truth_stride_index" in arrays and "truth_stride_xy_m" in arrays:
         index = _stance_index(path, arrays["truth_stride_index"], len(time_s))
         position_m = array_of(path, arrays, "truth_stride_xy_m", (len(index), 2))

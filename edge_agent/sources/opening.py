@@ -10,19 +10,20 @@ from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 
+from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.sources.reading import Source
 from edge_agent.sources.recording import SourceError
 from shared.mcap_reader import RecordingError
 from shared.messages import ImuSample, NodeId
 
 
-def open_source(name: str, responder_id: NodeId, seed: int) -> Source:
+def open_source(name: str, responder_id: NodeId, seed: int, mount: MountName = "boot") -> Source:
     """Open ``csv:FILE``, ``npz:FILE``, ``mcap:FILE[#responder]`` or ``simulated:SCENARIO``.
 
-    A simulated source has the samples of ``responder_id`` in the exercise of ``seed``, whom they
-    hear, satellite fixes if there are any, and the truth. Raises ``SourceError`` if there is no
-    such kind or the file cannot be used, and ``shared.config.ConfigError`` for a scenario that
-    cannot be used.
+    A simulated source has the samples of ``responder_id``, whose sensor is worn as ``mount``, in
+    the exercise of ``seed``, whom they hear, satellite fixes if there are any, and the truth.
+    Raises ``SourceError`` if there is no such kind or the file cannot be used, and
+    ``shared.config.ConfigError`` for a scenario that cannot be used.
     """
     kind, _, where = name.partition(":")
     if not where or kind not in ("csv", "npz", "mcap", "simulated"):
@@ -32,9 +33,9 @@ def open_source(name: str, responder_id: NodeId, seed: int) -> Source:
     if kind == "simulated":
         from edge_agent.sources.simulated import open_simulated  # noqa: PLC0415
 
-        return open_simulated(where, responder_id, seed)
+        return open_simulated(where, responder_id, seed, mount)
     try:
-        samples = iter(_samples(kind, where))
+        samples = iter(_samples(kind, where, mount))
         first = next(samples, None)
     except RecordingError as error:
         raise SourceError(str(error)) from error
@@ -43,7 +44,7 @@ def open_source(name: str, responder_id: NodeId, seed: int) -> Source:
     return Source(chain((first,), samples), first.time_ns, None)
 
 
-def _samples(kind: str, where: str) -> Iterable[ImuSample]:
+def _samples(kind: str, where: str, mount: MountName) -> Iterable[ImuSample]:
     if kind == "csv":
         from edge_agent.sources.vendor_csv import read_vendor_csv  # noqa: PLC0415
 
@@ -51,7 +52,7 @@ def _samples(kind: str, where: str) -> Iterable[ImuSample]:
     if kind == "npz":
         from edge_agent.sources.npz_set import read_npz_set  # noqa: PLC0415
 
-        return read_npz_set(Path(where)).recording
+        return read_npz_set(Path(where), needs_gyro=mount not in WITHOUT_GYRO).recording
     from edge_agent.sources.mcap_recording import read_imu_samples  # noqa: PLC0415
 
     path, _, responder_id = where.partition("#")

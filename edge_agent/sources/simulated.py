@@ -10,7 +10,7 @@ import numpy as np
 from edge_agent.sources.reading import Reading, Source, TruePlace
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.simulated_cues import simulated_cues
-from shared.messages import LocalPosition, NodeId
+from shared.messages import LocalPosition, Mount, NodeId
 from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.scenario import load_scenario
 from shared.simulation.walker import simulate_walk
@@ -21,12 +21,25 @@ START_SD_M = 0.5
 """How well somebody knows where at the entrance they stand."""
 
 
-def open_simulated(scenario_name: str, responder_id: NodeId, seed: int) -> Source:
+SIMULATED_MOUNTS: tuple[Mount, ...] = ("boot",)
+
+
+def refuse_unsimulated(mount: Mount) -> None:
+    """Raise ``SourceError`` for a ``mount`` that no scenario can be walked with."""
+    if mount not in SIMULATED_MOUNTS:
+        there = ", ".join(SIMULATED_MOUNTS)
+        raise SourceError(f"simulated: no sensor worn as {mount}; there are {there}")
+
+
+def open_simulated(
+    scenario_name: str, responder_id: NodeId, seed: int, mount: Mount = "boot"
+) -> Source:
     """Return what the unit of ``responder_id`` reads in the exercise of ``seed``, and the truth.
 
-    Raises ``SourceError`` if the scenario has no such responder, ``shared.config.ConfigError`` for
-    a scenario that cannot be used.
+    Raises ``SourceError`` if the scenario has no such responder or ``mount`` is not simulated,
+    ``shared.config.ConfigError`` for a scenario that cannot be used.
     """
+    refuse_unsimulated(mount)
     scenario = load_scenario(scenario_name)
     if responder_id not in scenario.responders:
         known = ", ".join(scenario.responders)

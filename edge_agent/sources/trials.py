@@ -10,9 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from edge_agent.evaluation.truth import Height, Truth, truth_of_stances
+from edge_agent.evaluation.course_truth import MountTruth
+from edge_agent.evaluation.truth import Height, truth_of_stances
+from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.recording import Recording, SourceError
+from edge_agent.sources.simulated import refuse_unsimulated
 from edge_agent.sources.vendor_csv import read_vendor_csv
 from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.scenario import Scenario, load_scenario
@@ -23,10 +26,10 @@ SIMULATED = "simulated:"
 
 
 class TrialData(NamedTuple):
-    """Samples in order, and where the boot really was, if that is known."""
+    """Samples in order, and what is known of the way, if anything is."""
 
     samples: Recording
-    truth: Truth | None
+    truth: MountTruth | None
 
 
 class Trial(NamedTuple):
@@ -37,8 +40,8 @@ class Trial(NamedTuple):
     load: Callable[[], TrialData]
 
 
-def find_trials(where: str, seed: int) -> list[Trial]:
-    """Return the trials that ``where`` names, sorted by path.
+def find_trials(where: str, seed: int, mount: MountName = "boot") -> list[Trial]:
+    """Return the trials of a ``mount`` that ``where`` names, sorted by path.
 
     A file (``.npz`` or ``.csv``), a folder (all such files in it and below), or
     ``simulated:SCENARIO`` (each of its responders, walking as by ``seed``). A recording's group is
@@ -46,6 +49,7 @@ def find_trials(where: str, seed: int) -> list[Trial]:
     that cannot be used.
     """
     if where.startswith(SIMULATED):
+        refuse_unsimulated(mount)
         name = where.removeprefix(SIMULATED)
         scenario = load_scenario(name)
         group = f"simulated/{Path(name).stem}"
@@ -62,20 +66,24 @@ def find_trials(where: str, seed: int) -> list[Trial]:
     trials = [
         Trial(file.stem, file.resolve().parent.name, partial(reader, file))
         for file in files
-        if (reader := _reader(file)) is not None
+        if (reader := _reader(file, mount)) is not None
     ]
     if not trials:
         raise SourceError(f"{where}: no .npz and no .csv recording there; give one")
     return trials
 
 
-def _reader(path: Path) -> Callable[[Path], TrialData] | None:
-    return {".npz": _read_npz, ".csv": _read_csv}.get(path.suffix.lower())
+def _reader(path: Path, mount: MountName) -> Callable[[Path], TrialData] | None:
+    match path.suffix.lower():
+        case ".npz":
+            return partial(_read_npz, needs_gyro=mount not in WITHOUT_GYRO)
+        case ".csv":
+            return _read_csv
+    return None
 
 
-def _read_npz(path: Path) -> TrialData:
-    recording, truth = read_npz_set(path)
-    return TrialData(recording, truth)
+def _read_npz(path: Path, *, needs_gyro: bool) -> TrialData:
+    return TrialData(*read_npz_set(path, needs_gyro=needs_gyro))
 
 
 def _read_csv(path: Path) -> TrialData:

@@ -121,7 +121,7 @@ def walked(data_dir: Path) -> list[Walked]:
     found = []
     for trial in trials:
         data = trial.load()
-        assert data.truth is not None
+        assert isinstance(data.truth, Truth)
         if not set_of(trial.group, data.truth).endswith(IN_PLACE):
             found.append(Walked(trial.name, trial.group, data.samples, data.truth))
     return found

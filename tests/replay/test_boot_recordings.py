@@ -49,7 +49,7 @@ def followed(data_dir: Path) -> list[Followed]:
     for folder in ("foot_vicon", "foot_strides"):
         for trial in find_trials(str(data_dir / folder), 0):
             data = trial.load()
-            assert data.truth is not None
+            assert isinstance(data.truth, Truth)
             if set_of(trial.group, data.truth).endswith(("/walk", "/slow")):
                 found.append(Followed(trial, follow(data.samples), data.truth))
     return found

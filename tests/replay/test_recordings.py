@@ -15,7 +15,7 @@ from command_post.evidence import Evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.replay import replay
 from edge_agent.agent import Agent
-from edge_agent.mounts.methods import DEFAULT_METHOD, make_mount
+from edge_agent.mounts.methods import default_method, make_mount
 from edge_agent.sources.opening import open_source
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
@@ -72,7 +72,7 @@ def test_the_raw_samples_of_a_recording_give_its_strides_again() -> None:
     network.connect().subscribe("clew/**", heard.append)
     source = open_source(f"mcap:{path}#r1", "r1", 0)
     sender = Sender(network.connect(), "again", "responder", "r1")
-    agent = Agent(sender, make_mount("boot", DEFAULT_METHOD), DEFAULT_METHOD, None, sends_imu=False)
+    agent = Agent(sender, make_mount("boot"), default_method("boot"), None, sends_imu=False)
     for reading in source.beginning_at(source.begin_ns):
         agent.take(reading)
     agent.finish()

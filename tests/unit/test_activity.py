@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from edge_agent.evaluation.truth import Truth
 from edge_agent.inertial.activity import ActivityClassifier, ActivityEstimate
 from edge_agent.inertial.stride_error import Covariance4
 from edge_agent.mounts.interface import Increment
@@ -78,7 +79,7 @@ def test_speeds_of_real_strides_are_told_apart(data_dir: Path) -> None:
     table: dict[str, Counter[Activity]] = defaultdict(Counter)
     for name in ("walk_31", "mixed_52", "mixed_54", "mixed_60", "mixed_68"):
         recording, truth = read_npz_set(data_dir / "foot_strides" / f"{name}.npz")
-        assert truth is not None
+        assert isinstance(truth, Truth)
         speed_m_s = truth.stride_lengths_m / np.diff(truth.time_s)
         for increment, estimate in named(recording):
             stride = int(np.searchsorted(truth.time_s, middle_s(increment))) - 1

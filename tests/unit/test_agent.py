@@ -105,7 +105,7 @@ def test_a_walk_goes_out_as_start_strides_samples_and_truth(
     [
         (0.0, 0, "no sample came"),
         (1.0, 500, "the boot was never still"),
-        (0.0, 500, "no stride was found"),
+        (0.0, 500, "no step was found"),
     ],
 )
 def test_an_agent_that_told_no_movement_knows_why(

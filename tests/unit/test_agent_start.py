@@ -36,8 +36,8 @@ def test_an_agent_waits_for_no_library_of_simulation_or_scoring() -> None:
 def test_a_source_is_opened_when_the_method_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
     done: list[str] = []
 
-    def ready(method: str, **_: bool) -> Mount:
-        done.append(method)
+    def ready(mount: str, method: str | None, **_: bool) -> Mount:
+        done.append(f"{mount} {method}")
         return BootMount()
 
     def opened(name: str, *_: object) -> None:
@@ -47,13 +47,13 @@ def test_a_source_is_opened_when_the_method_is_ready(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(follow, "prepared_mount", ready)
     monkeypatch.setattr(follow, "open_source", opened)
     assert follow.run(responder_id="r1", source="csv:walk.csv", insecure=True) == ExitCode.USAGE
-    assert done == ["eskf", "csv:walk.csv"]
+    assert done == ["boot None", "csv:walk.csv"]
 
 
 @pytest.mark.parametrize("built", [True, False])
 def test_a_long_wait_is_announced(monkeypatch: pytest.MonkeyPatch, built: bool) -> None:
     make_mount("boot", "eskf")
-    monkeypatch.setattr(prepare, "is_built", lambda _: built)
+    monkeypatch.setattr(prepare, "is_built", lambda *_: built)
     with capture_logs() as logs:
         assert prepare.prepare() == ExitCode.OK
     *before, last = (entry["event"] for entry in logs)

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from edge_agent.__main__ import main
 from edge_agent.commands import evaluate
 from edge_agent.evaluation.degradation import DEGRADATIONS
-from edge_agent.evaluation.score_card import failed_trial
+from edge_agent.evaluation.score_card import failed_trial, score_trial
+from edge_agent.evaluation.scorers import SCORERS
 from edge_agent.mounts.boot import BootMount
 from edge_agent.sources import npz_set
+from shared.npz_file import load_npz
 from shared.process import ExitCode
 from tests.synthetic_boot import SyntheticWalk
 
@@ -166,10 +168,9 @@ def test_whatever_breaks_one_trial_the_others_are_scored(
     broken: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "bad.npz").write_bytes((folder / "good.npz").read_bytes())
-    module = npz_set if broken == "load_npz" else evaluate
-    whole = getattr(module, "score_trial" if broken == "failed_trial" else broken)
+    whole = load_npz if broken == "load_npz" else score_trial
 
-    def breaks(named: str | Path, *arguments: object) -> object:
+    def breaks(named: Any, *arguments: Any) -> Any:
         if Path(named).stem == "bad":
             raise ZeroDivisionError("of all things")
         return whole(named, *arguments)
@@ -179,11 +180,12 @@ def test_whatever_breaks_one_trial_the_others_are_scored(
             raise ZeroDivisionError("of all things")
         return failed_trial(name, group, None, failure)
 
-    if broken == "failed_trial":
-        monkeypatch.setattr(evaluate, "score_trial", breaks)
-        monkeypatch.setattr(evaluate, "failed_trial", breaks_with_truth)
+    if broken == "load_npz":
+        monkeypatch.setattr(npz_set, broken, breaks)
     else:
-        monkeypatch.setattr(module, broken, breaks)
+        monkeypatch.setitem(SCORERS, "boot", breaks)
+    if broken == "failed_trial":
+        monkeypatch.setattr(evaluate, broken, breaks_with_truth)
     assert run(monkeypatch, folder, "--json", "--method", "linear") == ExitCode.FAILURE
     bad, good = card(capsys)["trials"]
     assert bad["failure"] == "ZeroDivisionError: of all things"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from edge_agent.evaluation.truth import Truth
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.recording import SourceError
 
@@ -42,7 +43,7 @@ def test_ruler_measured_stances_are_told_north_and_east(npz: Path) -> None:
     index, places = np.array([10, 60, 150]), np.array([[0.0, 0.0], [1.0, 0.5], [2.0, 0.5]])
     np.savez(npz, **arrays(), truth_stride_index=index, truth_stride_xy_m=places)
     truth = read_npz_set(npz).truth
-    assert truth is not None
+    assert isinstance(truth, Truth)
     assert truth.time_s == pytest.approx([5.1, 5.6, 6.5])
     # x and y of a frame with z up are north and west.
     assert truth.position_m.tolist() == [[0.0, 0.0], [1.0, -0.5], [2.0, -0.5]]
@@ -59,7 +60,7 @@ def test_motion_capture_is_searched_for_stances(npz: Path) -> None:
     )  # fmt: skip
     np.savez(npz, **parts, truth_xyz_m=path)
     truth = read_npz_set(npz).truth
-    assert truth is not None
+    assert isinstance(truth, Truth)
     assert truth.position_m[:, 0] == pytest.approx([0.0, 1.0, 2.0])
     assert truth.time_s == pytest.approx([5.2, 6.0, 6.8], abs=0.03)
     assert truth.height is not None

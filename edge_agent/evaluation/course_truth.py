@@ -1,0 +1,56 @@
+"""What is known of a walk or a drive other than a boot's stances: steps, way-points, speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from edge_agent.evaluation.truth import Array, Truth
+
+
+@dataclass(frozen=True)
+class StepCount:
+    """Steps of both feet: ``count`` (k,) have been taken by ``time_s`` (k,), neither ever falling.
+
+    ``distance_m`` is the length of the way, where that is known.
+    """
+
+    time_s: Array
+    count: Array
+    distance_m: float | None = None
+
+    @property
+    def steps(self) -> int:
+        """How many steps were taken between the first and the last moment."""
+        return round(float(self.count[-1] - self.count[0]))
+
+
+@dataclass(frozen=True)
+class Waypoints:
+    """Places passed: ``position_m`` (k, 2), north and east, at ``time_s`` (k,), rising.
+
+    North is wherever the truth's frame has it. ``steps`` where they were counted as well.
+    """
+
+    time_s: Array
+    position_m: Array
+    steps: StepCount | None = None
+
+    @property
+    def length_m(self) -> float:
+        """Length of the way from point to point, straight."""
+        return float(np.linalg.norm(np.diff(self.position_m, axis=0), axis=1).sum())
+
+
+@dataclass(frozen=True)
+class DrivenSpeed:
+    """``speed_m_s`` (k,) of a vehicle at ``time_s`` (k,), rising."""
+
+    time_s: Array
+    speed_m_s: Array
+
+
+MountTruth: TypeAlias = Truth | StepCount | Waypoints | DrivenSpeed
+"""What may be known of a recording; ``Truth`` is that of a boot's stances."""
