@@ -9,7 +9,6 @@ when all have finished.
 from __future__ import annotations
 
 import shutil
-import socket
 from collections.abc import Callable, Collection, Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +19,7 @@ from command_post.authority import Authority
 from command_post.children import Children
 from command_post.fusion.settings import HOLD_S
 from shared.bus.interface import Bus, Received
+from shared.bus.loopback import free_ports
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
@@ -180,7 +180,8 @@ def _issue_keys(settings: DemoSettings) -> Bundle:
 
 def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
     names = [POST_ID, *settings.scenario.daps]
-    locators = dict(zip(names, _free_loopback_locators(len(names)), strict=True))
+    ports = zip(names, free_ports(len(names)), strict=True)
+    locators = {name: f"tls/127.0.0.1:{port}" for name, port in ports}
     common = ("--incident", INCIDENT, "--await-start", "--with-parent")
 
     def named(node_id: str) -> tuple[str, ...]:
@@ -215,18 +216,6 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
             ("run", *kept(responder_id), "--source", simulated, *seed, *method, *dials),
         )
     return locators
-
-
-def _free_loopback_locators(count: int) -> list[str]:
-    """Return locators of ports that are free now, all held at once so that none comes twice."""
-    sockets = [socket.socket() for _ in range(count)]
-    try:
-        for one in sockets:
-            one.bind(("127.0.0.1", 0))
-        return [f"tls/127.0.0.1:{one.getsockname()[1]}" for one in sockets]
-    finally:
-        for one in sockets:
-            one.close()
 
 
 def _wait_until_alive(settings: DemoSettings, bus: Bus, children: Children, stop: Event) -> bool:

@@ -15,6 +15,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from shared.bus.interface import Received
+from shared.bus.loopback import free_ports
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh
 from tests.bus.relay import Relay
 from tests.bus.settling import settle
@@ -23,8 +24,8 @@ from tests.waiting import DEADLINE_S, wait_for
 
 def free_endpoint() -> str:
     """Return an endpoint on which nobody listens yet."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
+    (port,) = free_ports(1)
+    return f"tcp/127.0.0.1:{port}"
 
 
 def port_of(endpoint: str) -> int:
@@ -147,6 +148,35 @@ def test_a_client_changes_to_another_router(opened: ExitStack) -> None:
             dap.close()
             settle(agent, post)
             start_dap(endpoint)
+
+
+def test_a_client_leaves_a_router_that_falls_silent(
+    opened: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Be it the first or the last of those it dials; what it has declared comes along."""
+    monkeypatch.setattr("shared.bus.zenoh_settings.LEASE_MS", 400)
+    post = opened.enter_context(open_zenoh("router", listen=["tcp/127.0.0.1:0"]))
+    relays = [opened.enter_context(Relay(port_of(post.locators()[0]))) for _ in range(2)]
+    agent = open_zenoh("client", connect=[f"tcp/127.0.0.1:{relay.port}" for relay in relays])
+    opened.enter_context(agent)
+    heard: list[bytes] = []
+    agent.subscribe("clew/down", lambda received: heard.append(received.payload))
+    agent.answer("clew/state", lambda _: b"here")
+    alive: list[tuple[str, bool]] = []
+    post.watch_alive("clew/**", lambda key, is_alive: alive.append((key, is_alive)))
+    agent.declare_alive("clew/agent")
+    settle(agent, post)
+    for number, relay in enumerate(relays, 1):
+        relay.stall()
+        wait_for(lambda: not agent.connected(), "the dead link to be found")
+        wait_for(agent.connected, "the other router")
+        relay.resume()
+        settle(agent, post)
+        settle(post, agent)
+        post.publish("clew/down", str(number).encode())
+        wait_for(lambda: heard == [b"1", b"2"][:number], "the agent to hear, and once")  # noqa: B023
+        wait_for(lambda: len(post.query("clew/state", timeout_s=5.0)) == 1, "one answer")
+        wait_for(lambda: alive and alive[-1] == ("clew/agent", True), "the token to stay")
 
 
 def test_a_dead_link_is_found_and_does_not_hold_the_close(opened: ExitStack) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from typing import Any, NamedTuple, Self
 
 from command_post.authority import Authority
 from edge_agent.sources.mcap_recording import read_imu_samples
+from shared.bus.loopback import free_ports
 from shared.mcap_reader import read_recording
 from shared.security.certificates import Identity
 from shared.topics import Role
@@ -248,13 +248,3 @@ def write_walk(path: Path, lasts_s: float) -> Path:
                 file.write(",".join([f"{time_s:.4f}", *(f"{each:.6g}" for each in readings)]))
                 file.write("\n")
     return path
-
-
-def free_ports(count: int) -> list[int]:
-    """Return ports of loopback that are free now, all held at once so that none comes twice."""
-    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    try:
-        return [int(each.getsockname()[1]) for each in sockets]
-    finally:
-        for each in sockets:
-            each.close()

@@ -21,6 +21,7 @@ from command_post.metrics import MOST_NODES_SHOWN, Metrics
 from command_post.metrics_server import Address, metrics_address, told
 from command_post.recording import RecorderStatus
 from command_post.roster import Roster
+from shared.bus.loopback import free_ports
 from shared.codec import encode
 from shared.security.bundle import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE
 from shared.units import NS_PER_S
@@ -117,15 +118,8 @@ def fetch(where: Address, path: str) -> bytes:
         return body
 
 
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-        assert isinstance(port, int)
-        return port
-
-
 def test_metrics_and_roster_are_served_on_this_machine() -> None:
-    where = Address("127.0.0.1", free_port())
+    where = Address("127.0.0.1", *free_ports(1))
     with told(where, None) as metrics:
         assert metrics is not None
         assert fetch(where, "/roster") == b"null"
@@ -142,7 +136,7 @@ def test_metrics_and_roster_are_served_on_this_machine() -> None:
 
 
 def test_who_asks_and_says_nothing_keeps_nobody_waiting() -> None:
-    where = Address("127.0.0.1", free_port())
+    where = Address("127.0.0.1", *free_ports(1))
     with told(where, None), socket.create_connection(where):
         assert fetch(where, "/roster") == b"null"
         other = http.client.HTTPConnection(where.host, where.port, timeout=10)
@@ -156,7 +150,7 @@ def test_beyond_this_machine_only_those_with_a_certificate_are_answered(
 ) -> None:
     monkeypatch.setattr(metrics_server, "_is_loopback", lambda _: False)
     keys = Keys(tmp_path / "keys", ("post", "commander"))
-    where = Address("127.0.0.1", free_port())
+    where = Address("127.0.0.1", *free_ports(1))
     url = f"https://{where.host}:{where.port}/roster"
     context = ssl.create_default_context(cafile=keys["commander"].path(AUTHORITY_FILE))
     with told(where, keys["post"]):
