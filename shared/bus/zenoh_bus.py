@@ -8,12 +8,11 @@ its handlers raise comes through ``logging``.
 
 from __future__ import annotations
 
-import itertools
 import json
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 import structlog
 import zenoh
@@ -28,9 +27,8 @@ from shared.bus.interface import (
     Wanted,
 )
 from shared.bus.key_expression import check_key, check_key_expression
+from shared.bus.zenoh_dialling import configuration, first_to_answer
 from shared.bus.zenoh_settings import (
-    LONGEST_OPEN_MS,
-    OPEN_ATTEMPT_MS,
     Mode,
     check_dialled,
     check_endpoint,
@@ -41,7 +39,7 @@ from shared.topics import Priority
 
 log = structlog.stdlib.get_logger(__name__)
 
-OPEN_PAUSE_S = 0.2
+WATCH_S = 0.05
 CLOSE_S = 1.0
 LOCATORS_S = 2.0
 
@@ -90,7 +88,8 @@ class ZenohBus:
     hand, and not call the bus. Any other thread may call it, save that a daemon thread must not
     declare. Without a session (a client before it finds a router) what is published is dropped
     and counted, queries find nobody, and declarations wait; afterwards links may break and come
-    back, and Zenoh declares anew by itself. Close clients before the routers they dial.
+    back, to the same router or another, and all is declared anew. Close clients before the routers
+    they dial.
     """
 
     def __init__(
@@ -114,11 +113,11 @@ class ZenohBus:
         self._unsent = 0
         # No daemon: the threads Zenoh makes for callbacks take after the one that declares them,
         # and a daemon still inside Zenoh when the interpreter ends aborts the process.
-        self._opener = threading.Thread(target=self._open_client, name="zenoh-open", daemon=False)
+        self._keeper = threading.Thread(target=self._keep_linked, name="zenoh-keep", daemon=False)
         if mode == "client":
-            self._opener.start()
+            self._keeper.start()
         else:
-            self._adopt(_open_router(_configuration(settings), listen))
+            self._adopt(_open_router(configuration(settings), listen))
 
     @property
     def handler_failures(self) -> int:
@@ -204,12 +203,13 @@ class ZenohBus:
         Returns at once where nobody answers; whoever asks again should wait a little.
         """
         check_key_expression(key_expression)
-        session = self._session
+        with self._lock:
+            session, asking = self._session, self._asking
         if session is None:
             return []
         answers: list[Received] = []
         with suppress(zenoh.ZError):  # closed meanwhile
-            for reply in _ask(session, key_expression, timeout_s, request, self._asking):
+            for reply in _ask(session, key_expression, timeout_s, request, asking):
                 if reply.ok is not None:
                     answers.append(Received(str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
                 elif reply.err is not None:
@@ -218,7 +218,8 @@ class ZenohBus:
 
     def ask_no_more(self) -> None:
         """Break off the queries that wait for answers; nobody is asked from now on."""
-        self._asking.cancel()  # type: ignore[no-untyped-call]
+        with self._lock:
+            self._asking.cancel()  # type: ignore[no-untyped-call]
 
     def declare_alive(self, key: str) -> None:
         """Hold a liveliness token under ``key`` until closed."""
@@ -244,20 +245,13 @@ class ZenohBus:
         )
 
     def close(self) -> None:
-        """Undeclare everything and close, within 2 s. Closing twice is harmless.
-
-        A half-open link with full buffers would hold Zenoh's close for 10 s: such a link is left
-        to itself, and to the lease at its other end.
-        """
+        """Undeclare everything and close, within 2 s. Closing twice is harmless."""
         with self._lock:
             if self._closing.is_set():
                 return
             self._closing.set()
-        closer = threading.Thread(target=self._shut, name="zenoh-close", daemon=True)
-        closer.start()
-        closer.join(CLOSE_S)
-        if closer.is_alive():
-            log.warning("a link does not take our goodbye and is left to itself")
+            former = self._take_out()
+        former.leave()
 
     def __enter__(self) -> Self:
         return self
@@ -265,43 +259,45 @@ class ZenohBus:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _open_client(self) -> None:
-        """Try to open a session until there is a router, or until closed.
+    def _keep_linked(self) -> None:
+        """Open a session with the router that answers first; when its link is gone, another.
 
-        Zenoh tries routers in their order and has no time left for the second where the first is
-        out of reach: so each comes first in its turn, and has the longer the more were tried.
+        Zenoh redials the router of a session by itself, and a half-open link lets it wait: so the
+        others are dialled meanwhile, those that come after it in the list first.
         """
-        told = False
-        for number in itertools.count():
-            if self._closing.is_set():
-                return
-            turn, rounds = number % len(self._connect), number // len(self._connect)
-            dialled = [*self._connect[turn:], *self._connect[:turn]]
-            attempt_ms = min(OPEN_ATTEMPT_MS * (1 + rounds), LONGEST_OPEN_MS)
-            connect = {
-                **self._settings["connect"], "endpoints": dialled, "timeout_ms": attempt_ms
-            }  # fmt: skip
-            try:
-                session = zenoh.open(_configuration({**self._settings, "connect": connect}))
-            except zenoh.ZError as error:
-                if not told:
-                    log.info("no router answers yet, trying on", dialling=self._connect)
-                    log.debug("the last try", error=str(error))
-                told = True
-                self._closing.wait(OPEN_PAUSE_S)
-            else:
-                if not self._adopt(session):
-                    session.close()  # type: ignore[no-untyped-call]
-                return
+        others = self._connect
+        while not self._closing.is_set():
+            if self.connected():
+                self._closing.wait(WATCH_S)
+                continue
+            if self._session is not None:
+                log.info("the link is gone", dialling=others)
+            answered = first_to_answer(self._settings, others, self._is_served)
+            if answered is not None:
+                turn = self._connect.index(answered.endpoint)
+                others = [*self._connect[turn + 1 :], *self._connect[:turn]]
+                if not self._adopt(answered.session):
+                    answered.session.close()  # type: ignore[no-untyped-call]
+
+    def _is_served(self) -> bool:
+        return self._closing.is_set() or self.connected()
 
     def _adopt(self, session: zenoh.Session) -> bool:
-        """Declare in ``session`` what has been asked for, and use it; not if closed meanwhile."""
+        """Declare in ``session`` what has been asked for, and use it; not if closed meanwhile.
+
+        The former session is left, and who still waits in it for answers goes without.
+        """
         with self._lock:
             if self._closing.is_set():
                 return False
+            former = self._take_out()
             self._declared = [declare(session) for declare in self._declarations]
             self._session = session
+            if not self._asking.is_cancelled:
+                self._asking.cancel()  # type: ignore[no-untyped-call]
+                self._asking = zenoh.CancellationToken()
         log.info("session open", zid=str(session.zid()))
+        former.leave()
         return True
 
     def _declare(self, declare: Callable[[zenoh.Session], _Undeclarable]) -> None:
@@ -325,28 +321,48 @@ class ZenohBus:
             )
             return self._publishers.setdefault((key, priority), publisher)
 
-    def _shut(self) -> None:
-        """Undeclare first: a callback still declared when the program ends would hang it."""
+    def _take_out(self) -> _Former:
+        """Return the session and all that is declared in it; from now on there is none."""
         with self._lock:
-            session, self._session = self._session, None
-            undeclarables = [*self._publishers.values(), *reversed(self._declared)]
-            self._publishers.clear()
-            self._declared.clear()
-        for declared in undeclarables:
+            declared = [*self._publishers.values(), *reversed(self._declared)]
+            former = _Former(self._session, declared)
+            self._session = None
+            self._publishers = {}
+            self._declared = []
+            return former
+
+
+class _Former(NamedTuple):
+    """A session that is used no more."""
+
+    session: zenoh.Session | None
+    declared: list[_Undeclarable]
+
+    def leave(self) -> None:
+        """Undeclare everything and close, within ``CLOSE_S``.
+
+        A half-open link with full buffers would hold Zenoh's close for 10 s: such a link is left
+        to itself, and to the lease at its other end.
+        """
+        closer = threading.Thread(target=self._end, name="zenoh-close", daemon=True)
+        closer.start()
+        closer.join(CLOSE_S)
+        if closer.is_alive():
+            log.warning("a link does not take our goodbye and is left to itself")
+
+    def _end(self) -> None:
+        """Undeclare first: a callback still declared when the program ends would hang it."""
+        for declared in self.declared:
             with suppress(zenoh.ZError):
                 declared.undeclare()
-        if session is not None:
+        if self.session is not None:
             with suppress(zenoh.ZError):
-                session.close()  # type: ignore[no-untyped-call]
+                self.session.close()  # type: ignore[no-untyped-call]
 
 
-def _configuration(settings: Mapping[str, Any]) -> zenoh.Config:
-    return zenoh.Config.from_json5(json.dumps(settings))
-
-
-def _open_router(configuration: zenoh.Config, listen: Sequence[str]) -> zenoh.Session:
+def _open_router(settings: zenoh.Config, listen: Sequence[str]) -> zenoh.Session:
     try:
-        return zenoh.open(configuration)
+        return zenoh.open(settings)
     except zenoh.ZError as error:
         reason = str(error).partition(" at /")[0]
         raise OSError(f"cannot listen on {', '.join(listen)}: {reason}; use another port") from None

@@ -18,8 +18,6 @@ from shared.security.certificates import Identity
 
 Mode: TypeAlias = Literal["router", "client"]
 
-OPEN_ATTEMPT_MS = 1500
-LONGEST_OPEN_MS = 4500
 OPEN_LINK_MS = 2500
 """Over TLS a link is open after some five times what there and back takes."""
 
@@ -87,12 +85,13 @@ def session_settings(
         "listen": {"endpoints": list(listen)},
         "connect": {
             "endpoints": list(connect),
-            # A router opens at once and dials behind; -1 makes a client deaf to signals.
-            "timeout_ms": OPEN_ATTEMPT_MS if client else -1,
+            # A router opens at once and dials behind; a client tries once, as -1 makes it deaf
+            # to signals.
+            "timeout_ms": 0 if client else -1,
             "exit_on_failure": client,
             "retry": {
                 "period_init_ms": 200,
-                "period_max_ms": 2000,
+                "period_max_ms": 1000,
                 "period_increase_factor": 1.5,
             },
         },

@@ -90,8 +90,11 @@ def out_of_range(folder: Path, away_s: float) -> Outcome:
             return _ended(site, fleet, since_ns=back_ns + SETTLED_NS)
 
 
-def multi_hop(folder: Path, lasts_s: float) -> Outcome:
-    """Let DAPs stand in a row that breaks, and another way round be found."""
+def multi_hop(folder: Path, lasts_s: float, *, killed: bool = True) -> Outcome:
+    """Let DAPs stand in a row that breaks, and another way round be found.
+
+    One of them is ``killed``, or all its links fall silent.
+    """
     with Air(["post", "dap1", "dap2", "dap3", "r1"]) as air:
         site = Deployment(folder, ["dap1", "dap2", "dap3"], ["r1"], air)
         for one, other in (("dap1", "post"), ("dap2", "dap1"), ("dap2", "dap3"),
@@ -104,25 +107,34 @@ def multi_hop(folder: Path, lasts_s: float) -> Outcome:
         with Fleet(folder / "logs", programs, air) as fleet:
             fleet.start()
             _has_said(site, 3)
-            fleet.kill("dap1")
-            killed_ns = time.time_ns()
+            if killed:
+                fleet.kill("dap1")
+            else:
+                air.cut("dap1", "post")
+                air.cut("dap2", "dap1")
+            broken_ns = time.time_ns()
             let_last(lasts_s)
             _has_said(site, 10)
-            return _ended(site, fleet, since_ns=killed_ns + SETTLED_NS, without=["dap1"])
+            return _ended(site, fleet, since_ns=broken_ns + SETTLED_NS, without=["dap1"])
 
 
-def half_open(folder: Path) -> Outcome:
-    """Take the DAP that an agent is linked to out of reach, with nothing said, and let it live."""
+def half_open(folder: Path, *, stalled: str = "dap1", delay_s: float = 0.005) -> Outcome:
+    """Take the DAP that an agent is linked to out of reach, with nothing said, and let it live.
+
+    The agent dials ``dap1`` first; ``stalled`` is the one it has a link to. The link to the other
+    takes ``delay_s`` each way.
+    """
+    other_dap = "dap2" if stalled == "dap1" else "dap1"
     with Air(["post", "dap1", "dap2", "r1", STAYS]) as air:
         site = Deployment(folder, ["dap1", "dap2"], ["r1", STAYS], air)
-        for one, other in (("dap1", "post"), ("dap2", "post"), ("r1", "dap1"), (STAYS, "dap2")):
+        for one, other in (("dap1", "post"), ("dap2", "post"), ("r1", stalled), (STAYS, other_dap)):
             air.link(one, other, Link(delay_s=0.005))
         with Fleet(folder / "logs", programs_of(site), air) as fleet:
             fleet.start()
             _has_said(site, 3)
             wait_for(lambda: is_safe(site.journal("r1")), "a receipt", PATIENCE_S)
-            air.link("r1", "dap2", Link(delay_s=0.005))
-            air.cut("r1", "dap1")
+            air.link("r1", other_dap, Link(delay_s=delay_s))
+            air.cut("r1", stalled)
             cut_ns = time.time_ns()
             _has_said(site, 10)
             return _ended(site, fleet, since_ns=cut_ns + SETTLED_NS)
