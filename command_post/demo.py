@@ -204,7 +204,7 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
         children.start(
             dap_id,
             "dap_node",
-            ("run", *kept(dap_id), "--scan", simulated, *seed,
+            ("run", *kept(dap_id), "--source", simulated, *seed,
              "--listen", locators[dap_id], "--connect", locators[POST_ID]),
         )  # fmt: skip
     method = () if settings.method is None else ("--method", settings.method)

@@ -1,11 +1,13 @@
-"""``dap-node``: arguments and wiring."""
+"""``dap-node``: arguments and wiring.
+
+A command's module is imported when it is run: a DAP at work has no room for what simulating takes.
+"""
 
 from __future__ import annotations
 
 from cyclopts import App
 
-from dap_node.commands.evaluate import evaluate
-from dap_node.commands.serve import rehearse, run
+import dap_node.lean  # noqa: F401
 from shared.command_line import run_command_line
 
 app = App(
@@ -16,14 +18,19 @@ app = App(
     """,
     version_flags=["--version"],
 )
-app.command(run)
-app.command(rehearse)
-app.command(evaluate)
+COMMANDS = {
+    "run": "dap_node.commands.serve:run",
+    "record": "dap_node.commands.record:record",
+    "rehearse": "dap_node.commands.rehearse:rehearse",
+    "evaluate": "dap_node.commands.evaluate:evaluate",
+}
+for name, where in COMMANDS.items():
+    app.command(where, name=name)
 
 
 def main() -> None:
     """Run the command line of this process, and exit with what its command returns."""
-    run_command_line(app)
+    run_command_line(app, COMMANDS)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,14 @@ The node knows no time but that of what it is given: whoever drives it waits for
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable
 
 import structlog
 
+from dap_node.hearing import Heard, Hearing, Neighbour, NeighbourWatch
 from dap_node.installation import Installation, Stage, Standing
 from dap_node.proximity import Proximity, ProximityDetector
-from dap_node.scanners.observation import Observation, Scan, SetDown
+from dap_node.scanners.observation import Observation, RadioScan, Scan, SetDown
 from dap_node.settings import DapSettings
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
@@ -21,19 +23,31 @@ from shared.gate import Gate
 from shared.messages import (
     DapEstimate,
     DapInstallation,
+    Message,
+    NeighbourHeard,
     NodeId,
     ProximityEvent,
     RssiPeak,
     RssiReport,
+    SetDownHere,
+    StationTable,
     Truth,
     Vector3,
 )
 from shared.rssi_peaks import Peak, PeakDetector
 from shared.sender import Outbox, Sender
-from shared.topics import Key, alive_key
+from shared.topics import Key, Role, alive_key
 from shared.units import NS_PER_S
 
 INBOX_MESSAGES = 256
+HEEDED: tuple[tuple[Role, str], ...] = (
+    ("post", "dap_place"),
+    ("post", "stations"),
+    ("post", "set_down"),
+    ("responder", "set_down"),
+)
+"""What a DAP listens to, and of whom."""
+
 TRUTH_PERIOD_NS = 10 * NS_PER_S
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -42,7 +56,7 @@ _log = structlog.stdlib.get_logger(__name__)
 class DapNode:
     """One DAP: takes observations in the order of time, and says what follows from them.
 
-    ``refusals`` counts, by reason, what posts said to DAPs that could not be understood.
+    ``refusals`` counts, by reason, what was said to DAPs that could not be understood.
     """
 
     def __init__(
@@ -55,10 +69,14 @@ class DapNode:
         sends_rssi: bool = True,
         outbox: Outbox | None = None,
         gate: Gate | None = None,
+        stations: StationTable | None = None,
+        keep_stations: Callable[[StationTable], object] = lambda _: None,
     ) -> None:
         """``sends_rssi``: publish every reading as well, for the record.
 
-        ``outbox``: see ``Sender``. ``gate``: lets in what posts say; without one, everybody does.
+        ``outbox``: see ``Sender``. ``gate``: lets in what is said to DAPs; without one, everybody
+        is believed. ``stations``: whose radios are whose, until a post tells; what one tells is to
+        be kept by ``keep_stations``.
         """
         self._sends_rssi = sends_rssi
         settings = settings or DapSettings()
@@ -69,11 +87,16 @@ class DapNode:
         self._offset_db = settings.offset_db
         self._proximity = ProximityDetector(settings.proximity)
         self._peaks = PeakDetector(settings.peaks)
+        self._hearing = Hearing(dap_id, stations)
+        self._keep_stations = keep_stations
+        self._neighbours = NeighbourWatch()
+        self._strangers_told = False
         self._place_payload: bytes | None = None
         self._truth_m: Vector3 | None = None
         self._truth_due_ns = 0
         self._inbox: Inbox[Received] = Inbox(INBOX_MESSAGES)
-        bus.subscribe(str(Key(incident, "post", "*", "dap_place")), self._inbox.put)
+        for role, topic in HEEDED:
+            bus.subscribe(str(Key(incident, role, "*", topic)), self._inbox.put)
         self._installation_key = Key(incident, "dap", dap_id, "installation")
         bus.answer(str(self._installation_key), lambda _: self._place_payload)
         bus.declare_alive(alive_key(incident, "dap", dap_id))
@@ -93,13 +116,22 @@ class DapNode:
             _log.info("stands still", installer_id=message.installer_id, stage=self.stage)
 
     def take(self, observation: Observation) -> None:
-        """Take in what the scanner reports next, after what posts have told meanwhile."""
-        self._heed_posts()
+        """Take in what the scanner reports next, after what others have told meanwhile."""
+        self._heed_others(observation.time_ns)
         match observation:
             case SetDown():
                 self._set_down(observation)
-            case Scan():
-                self._scan(observation)
+            case Scan(time_ns, rssi_dbm):
+                self._hear(
+                    time_ns,
+                    (
+                        Heard(time_ns, "responder", responder_id, dbm)
+                        for responder_id, dbm in rssi_dbm.items()
+                    ),
+                )
+            case RadioScan():
+                self._hear(observation.time_ns, self._hearing.sort_out(observation))
+                self._tell_of_strangers()
         self._tell_truth(observation.time_ns)
 
     def _set_down(self, report: SetDown) -> None:
@@ -109,17 +141,28 @@ class DapNode:
         self._say_place(installation)
         _log.info("set down", installer_id=report.installer_id, stage=self.stage)
 
-    def _scan(self, scan: Scan) -> None:
-        for responder_id, rssi_dbm in scan.rssi_dbm.items():
+    def _hear(self, now_ns: int, heard: Iterable[Heard]) -> None:
+        for time_ns, role, node_id, rssi_dbm in heard:
+            if role == "dap":
+                self._neighbours.hear(time_ns, node_id, rssi_dbm)
+                continue
             calibrated_dbm = rssi_dbm + self._offset_db
-            self._proximity.add(scan.time_ns, responder_id, calibrated_dbm)
-            self._peaks.add(scan.time_ns, responder_id, calibrated_dbm)
+            self._proximity.add(time_ns, node_id, calibrated_dbm)
+            self._peaks.add(time_ns, node_id, calibrated_dbm)
             if self._sends_rssi:
-                self._say_reading(scan.time_ns, responder_id, rssi_dbm)
-        for proximity in self._proximity.tick(scan.time_ns):
+                self._say_reading(time_ns, node_id, rssi_dbm)
+        for proximity in self._proximity.tick(now_ns):
             self._say_near(proximity)
-        for peak in self._peaks.tick(scan.time_ns):
+        for peak in self._peaks.tick(now_ns):
             self._say_peak(peak)
+        for neighbour in self._neighbours.tick(now_ns):
+            self._say_neighbour(now_ns, neighbour)
+
+    def _tell_of_strangers(self) -> None:
+        """Say once that there are some: a responder whose radio is not listed is not followed."""
+        if self._hearing.strangers and not self._strangers_told:
+            self._strangers_told = True
+            _log.warning("radios are heard that are on no table: they are only counted")
 
     def _say_reading(self, time_ns: int, responder_id: NodeId, rssi_dbm: float) -> None:
         self._sender.send(
@@ -131,7 +174,7 @@ class DapNode:
             )
         )
 
-    def _heed_posts(self) -> None:
+    def _heed_others(self, now_ns: int) -> None:
         for received in self._inbox.get_all():
             why = self._gate.admit(*received)
             if why is not None:
@@ -142,8 +185,20 @@ class DapNode:
             message = key if isinstance(key, Refusal) else decode(key, received.payload)
             if isinstance(message, Refusal):
                 self._refuse(received.key, *message)
-            elif isinstance(message, DapEstimate):
+            elif not isinstance(key, Refusal):
+                self._heed(key, message, now_ns)
+
+    def _heed(self, key: Key, message: Message, now_ns: int) -> None:
+        match message:
+            case DapEstimate():
                 self._learn(message)
+            case StationTable() if self._hearing.learn(message):
+                self._keep_stations(message)
+                self._strangers_told = False
+                _log.info("stations", responders=len(message.responders), daps=len(message.daps))
+            case SetDownHere(dap_id=dap_id, position=position) if dap_id == self._sender.node_id:
+                installer_id = key.node_id if key.role == "responder" else None
+                self._set_down(SetDown(now_ns, installer_id, position))
 
     def _learn(self, estimate: DapEstimate) -> None:
         installation = self._standing.learn(estimate)
@@ -189,6 +244,19 @@ class DapNode:
                 peak_dbm=peak.peak_dbm,
                 width_s=peak.width_s,
                 sample_count=peak.sample_count,
+            )
+        )
+
+    def _say_neighbour(self, now_ns: int, neighbour: Neighbour) -> None:
+        heard = neighbour.heard
+        self._sender.send(
+            NeighbourHeard(
+                event_time_ns=now_ns,
+                sequence=self._sender.next_sequence(NeighbourHeard),
+                dap_id=neighbour.dap_id,
+                rssi_mean_dbm=heard.mean_dbm,
+                rssi_variance_db2=heard.variance_db2,
+                sample_count=heard.sample_count,
             )
         )
 

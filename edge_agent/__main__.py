@@ -5,9 +5,6 @@ A command's module is imported when it is run: an agent starts without what scor
 
 from __future__ import annotations
 
-import sys
-from pkgutil import resolve_name
-
 from cyclopts import App
 
 from shared.command_line import run_command_line
@@ -34,16 +31,7 @@ for name, where in COMMANDS.items():
 
 def main() -> None:
     """Run the command line of this process, and exit with what its command returns."""
-    if not any(argument in COMMANDS for argument in sys.argv[1:]):
-        _tell_of_all()
-    run_command_line(app)
-
-
-def _tell_of_all() -> None:
-    """Import every command, so that help without a command has each one's own words."""
-    for name, where in COMMANDS.items():
-        del app[name]
-        app.command(resolve_name(where), name=name)
+    run_command_line(app, COMMANDS)
 
 
 if __name__ == "__main__":

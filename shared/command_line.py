@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pkgutil import resolve_name
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Group, Parameter
@@ -13,14 +15,21 @@ from shared.process import ExitCode, LogLevel, configure_logging, interrupt_on_s
 _EVERYWHERE = Group("Logging")
 
 
-def run_command_line(app: App) -> None:
+def run_command_line(app: App, commands: Mapping[str, str] = MappingProxyType({})) -> None:
     """Run ``app`` on this process's arguments and exit with what its command returns.
+
+    ``commands`` are those that ``app`` knows as ``module:function``: each is imported when it is
+    run. Where none is named they all are, so that help has each one's own words.
 
     A mistake in the arguments is told by ``app`` and exits with ``ExitCode.USAGE``. A signal that
     the command does not heed itself breaks it off, and exits with ``ExitCode.INTERRUPTED``.
     """
     configure_logging()
     interrupt_on_signals()
+    if not any(argument in commands for argument in sys.argv[1:]):
+        for name, where in commands.items():
+            del app[name]
+            app.command(resolve_name(where), name=name)
     if app.meta.default_command is None:
         app.meta.default(_with_logging(app))
     try:

@@ -40,6 +40,18 @@ Vector3: TypeAlias = tuple[float, float, float]
 Outline: TypeAlias = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Meta(max_length=64)]
 """Corners (north, east) of a polygon, in order; the last is joined to the first."""
 
+StationAddress: TypeAlias = Annotated[
+    str,
+    Meta(
+        pattern=r"^([0-9a-f]{2}(:[0-9a-f]{2}){5}"
+        r"|[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}(/[0-9]{1,5}/[0-9]{1,5})?)$"
+    ),
+]
+"""What a radio calls itself: a MAC or Bluetooth address, a UUID, or a beacon's UUID/major/minor."""
+
+Listed: TypeAlias = Annotated[tuple[tuple[StationAddress, NodeId], ...], Meta(max_length=2000)]
+"""Addresses, and whose radio each is."""
+
 Mount: TypeAlias = Literal["boot", "chest", "waist", "vehicle"]
 """Where the sensor is: on a boot, at the chest or in the hand, on the belt, in a vehicle."""
 
@@ -237,6 +249,15 @@ class Contact(Message, frozen=True, kw_only=True):
     sample_count: Annotated[int, Meta(ge=1, le=100_000)]
 
 
+class NeighbourHeard(Message, frozen=True, kw_only=True):
+    """A DAP heard another one: mean and variance of its signal over the last seconds."""
+
+    dap_id: NodeId
+    rssi_mean_dbm: PowerDbm
+    rssi_variance_db2: StandardDeviation
+    sample_count: Annotated[int, Meta(ge=1, le=100_000)]
+
+
 class PositionFix(Message, frozen=True, kw_only=True):
     """Somebody says where a responder is at ``event_time_ns``, give or take its covariance.
 
@@ -268,6 +289,23 @@ class DapInstallation(Message, frozen=True, kw_only=True):
 
     installer_id: NodeId | None
     position: LocalPosition | None
+
+
+class SetDownHere(Message, frozen=True, kw_only=True):
+    """Somebody tells a DAP that it stands now: at ``position``, or else beside who says so.
+
+    A responder's unit says so where its wearer sets the DAP down; a post gives the position.
+    """
+
+    dap_id: NodeId
+    position: LocalPosition | None
+
+
+class StationTable(Message, frozen=True, kw_only=True):
+    """Whose radios are whose: by it, signal strengths of addresses become those of nodes."""
+
+    responders: Listed
+    daps: Listed
 
 
 class FloorShare(msgspec.Struct, frozen=True, gc=False):

@@ -20,6 +20,7 @@ from shared.messages import (
     ImuBatch,
     LocalPosition,
     Message,
+    NeighbourHeard,
     NodeHealth,
     OdometryIncrement,
     Order,
@@ -32,6 +33,8 @@ from shared.messages import (
     RssiPeak,
     RssiReport,
     SafeUpTo,
+    SetDownHere,
+    StationTable,
     TrackEstimate,
     TrackStart,
     Truth,
@@ -110,10 +113,17 @@ def one_of_each() -> dict[str, Message]:
             sample_count=20,
         ),
         "peak": RssiPeak(**common, responder_id="r1", peak_dbm=-43.0, width_s=1.2, sample_count=18),
+        "neighbour": NeighbourHeard(
+            **common, dap_id="d2", rssi_mean_dbm=-63.0, rssi_variance_db2=2.0, sample_count=25
+        ),
         "contact": Contact(**common, other_id="r2", peak_dbm=-50.0, width_s=2.0, sample_count=9),
         "fix": PositionFix(**common, responder_id="r1", source="commander", position=_HERE),
         "height_fix": HeightFix(**common, node="dap", node_id="d1", down_m=-3.0, sd_m=0.3),
         "installation": DapInstallation(**common, installer_id="r1", position=None),
+        "set_down": SetDownHere(**common, dap_id="d1", position=_HERE),
+        "stations": StationTable(
+            **common, responders=(("02:00:5e:10:00:01", "r1"),), daps=(("02:00:5e:10:00:09", "d1"),)
+        ),
         "track": TrackEstimate(
             **common,
             responder_id="r1",

@@ -1,8 +1,8 @@
-"""``dap-node run`` and ``dap-node rehearse``: a DAP at work, live or offline."""
+"""``dap-node run``: a DAP at work."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from threading import Event
@@ -10,42 +10,38 @@ from typing import Annotated
 
 import structlog
 from cyclopts import Parameter, validators
-from rich.console import Console
-from rich.progress import track
 
 from dap_node.node import DapNode
+from dap_node.scanners.live import SCAN_RATE_HZ, LiveSource, live_observations
 from dap_node.scanners.observation import Observation, SetDown
-from dap_node.scanners.simulated import SimulatedScanner
+from dap_node.scanners.opening import Playable, open_live, open_played
 from dap_node.settings import DapSettings
 from shared.bus.interface import Bus
 from shared.bus.refused_links import RefusedLinks
-from shared.bus.wire_log import WireLogBus
 from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import Clock, ManualClock, PacedClock, SystemClock
+from shared.clock import Clock, PacedClock, SystemClock
 from shared.config import load_toml
-from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, await_exercise, seeds_in
+from shared.exercise import await_exercise
 from shared.files import FileHeldError
 from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.journal_place import JournalFile, journal_path
+from shared.kept_stations import KeptStations
 from shared.messages import NodeId
 from shared.node import Node
 from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
-    end_with_parent,
-    quieten_logging,
     stop_on_signals,
     stop_with_parent,
     wait_until,
 )
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
-from shared.simulation.scenario import Scenario, load_scenario
+from shared.stations import read_stations
 from shared.topics import Key, alive_key, check_id
 
-SIMULATED = "simulated:"
 POLL_S = 0.1
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -54,7 +50,11 @@ _log = structlog.stdlib.get_logger(__name__)
 def run(
     *,
     dap_id: Annotated[str, Parameter(name="--id")],
-    scan: str,
+    source: Annotated[tuple[str, ...], Parameter(consume_multiple=False)],
+    scan_rate: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=50.0))] = (
+        SCAN_RATE_HZ
+    ),
+    stations: Path | None = None,
     incident: str = "incident",
     connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
     listen: str | None = None,
@@ -70,15 +70,21 @@ def run(
     """Say who is near this DAP and where it stands, and relay for others.
 
     Runs until SIGINT or SIGTERM, or until a simulated exercise is over and no responder is alive
-    that it might relay for. Example: dap-node run --id dap2 --scan simulated:four_daps
-    --keys keys/dap2 --listen tls/0.0.0.0:7447 --connect tls/192.168.7.10:7447
+    that it might relay for. Examples: dap-node run --id dap2 --source nl80211:wlan0
+    --keys keys/dap2 --listen tls/0.0.0.0:7447 --connect tls/192.168.7.10:7447;
+    dap-node run --id dap2 --source simulated:four_daps --insecure
 
     Parameters
     ----------
     dap_id
         Name of the DAP.
-    scan
-        Where signal strengths come from: simulated:SCENARIO.
+    source
+        Where signal strengths come from: nl80211:INTERFACE, hostapd:SOCKET, ble:ADAPTER (of
+        these as many as there are, one an option), recorded:FILE or simulated:SCENARIO.
+    scan_rate
+        How many times a second a Wi-Fi radio is asked.
+    stations
+        Whose radio is whose, in TOML or CSV, until a post tells; by default what one told last.
     incident
         Name of the incident.
     connect
@@ -93,9 +99,9 @@ def run(
     config
         TOML file with offset_db, [proximity] and [peaks] for another radio than the usual.
     seed
-        Of a simulated scan.
+        Of a simulated source.
     speed
-        How many times as fast as real, of a simulated scan.
+        How many times as fast as real, of a source that is played.
     journal
         File that keeps what is said until the post has it; by default one of this DAP's in the
         incident, among what programs keep for the user.
@@ -110,7 +116,8 @@ def run(
         check_id(dap_id, "--id")
         bundle = open_keys(keys, Identity("dap", dap_id), insecure=insecure)
         settings = load_toml(config, DapSettings) if config else DapSettings()
-        scanner = open_scanner(scan, dap_id, seed)
+        opened = _open_source(source, dap_id, seed, scan_rate)
+        listed = None if stations is None else read_stations(stations)
         dialled = connect or (local_endpoint(bundle),)
         listened = [listen or local_endpoint(bundle, port=0)]
         kept = journal_path(journal, incident, "dap", dap_id)
@@ -131,7 +138,16 @@ def run(
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement),
             ):
-                _serve(node, settings, scanner, None if await_start else speed)
+                known = KeptStations(kept)
+                dap = DapNode(
+                    bus, incident, dap_id, settings, outbox=outbox, gate=Gate(node.verifier),
+                    stations=listed or known.load(), keep_stations=known.keep,
+                )  # fmt: skip
+                _go_on(dap, node)
+                if isinstance(opened, Playable):
+                    _play(node, dap, opened, None if await_start else speed)
+                else:
+                    _listen(node, dap, opened)
                 bus.ask_no_more()
     except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
@@ -139,23 +155,36 @@ def run(
     return ExitCode.OK
 
 
-def _serve(
-    node: Node, settings: DapSettings, scanner: SimulatedScanner, speed: float | None
-) -> None:
+def _open_source(
+    names: Sequence[str], dap_id: NodeId, seed: int, rate_hz: float
+) -> Playable | list[LiveSource]:
+    """Return what ``--source`` names; ``ValueError`` if it cannot be used."""
+    played = open_played(names[0], dap_id, seed) if len(names) == 1 else None
+    return played or open_live(names, rate_hz)
+
+
+def _go_on(dap: DapNode, node: Node) -> None:
+    """Have a DAP that was broken off stand where it stood."""
+    said = node.outbox.newest(str(Key(node.incident, "dap", node.node_id, "installation")))
+    if node.outbox.broken_off and said is not None:
+        dap.go_on(said)
+
+
+def _listen(node: Node, dap: DapNode, sources: Sequence[LiveSource]) -> None:
+    """Tell what the radios hear, until asked to stop."""
+    for observation in live_observations(sources, node.clock, node.stop):
+        dap.take(observation)
+
+
+def _play(node: Node, dap: DapNode, scanner: Playable, speed: float | None) -> None:
     """Follow the scanner from now on at ``speed``; without, from the exercise's start at its own.
 
     Then stay for those who may need a relay. Who comes to an exercise late follows it from then on.
     """
-    bus, incident, outbox = node.bus, node.incident, node.outbox
-    gate = Gate(node.verifier)
-    dap = DapNode(bus, incident, node.node_id, settings, outbox=outbox, gate=gate)
-    said = outbox.newest(str(Key(incident, "dap", node.node_id, "installation")))
-    if outbox.broken_off and said is not None:
-        dap.go_on(said)
-    company = Company(bus, incident)
+    company = Company(node.bus, node.incident)
     start_ns = node.clock.now_ns()
     if speed is None:
-        exercise = await_exercise(bus, incident, gate, node.stop)
+        exercise = await_exercise(node.bus, node.incident, Gate(node.verifier), node.stop)
         if exercise is None:
             return
         start_ns, speed = exercise.event_time_ns, exercise.speed
@@ -176,61 +205,6 @@ def from_then_on(
         known = is_set_down or not isinstance(observation, SetDown)
         if observation.time_ns >= now_ns or not known:
             yield observation
-
-
-def rehearse(
-    scenario: str,
-    *,
-    seeds: str = "1",
-    output: Path,
-    rssi: bool = True,
-    with_parent: Annotated[bool, Parameter(show=False)] = False,
-) -> int:
-    """Let all DAPs of a scenario hear it offline, and write what they would have published.
-
-    Leaves a wire log for each DAP, OUTPUT/SEED/DAP.wire. Example: dap-node rehearse four_daps
-    --seeds 0-9 --output logs
-
-    Parameters
-    ----------
-    scenario
-        A packaged scenario's name, or a TOML file.
-    seeds
-        One seed, or the first and the last: 0-9.
-    output
-        Folder for the logs.
-    rssi
-        Publish every reading as well, for the record.
-    with_parent
-        End when standard input closes.
-
-    """
-    if with_parent:
-        end_with_parent()
-    try:
-        loaded = load_scenario(scenario)
-        jobs = [(seed, dap_id) for seed in seeds_in(seeds) for dap_id in loaded.daps]
-    except ValueError as error:
-        _log.error(str(error))
-        return ExitCode.USAGE
-    quieten_logging()
-    console = Console(stderr=True)
-    try:
-        for seed, dap_id in track(
-            jobs, "rehearsing", console=console, transient=True, disable=not console.is_terminal
-        ):
-            rehearse_dap(loaded, dap_id, seed, output / str(seed), sends_rssi=rssi)
-    except OSError as error:
-        _log.error(f"{error.filename}: cannot be written ({error.strerror}); give another --output")
-        return ExitCode.USAGE
-    return ExitCode.OK
-
-
-def open_scanner(scan: str, dap_id: NodeId, seed: int) -> SimulatedScanner:
-    """Return the scanner that ``--scan`` names; ``ValueError`` if it cannot be used."""
-    if not scan.startswith(SIMULATED):
-        raise ValueError(f"--scan {scan!r}: write {SIMULATED}SCENARIO, as in simulated:four_daps")
-    return SimulatedScanner(load_scenario(scan.removeprefix(SIMULATED)), dap_id, seed)
 
 
 def follow(node: DapNode, observations: Iterable[Observation], clock: Clock, stop: Event) -> None:
@@ -258,21 +232,3 @@ class Company:
             self._alive.add(key)
         else:
             self._alive.discard(key)
-
-
-def rehearse_dap(
-    scenario: Scenario, dap_id: NodeId, seed: int, folder: Path, *, sends_rssi: bool = True
-) -> None:
-    """Write what ``dap_id`` would publish in the exercise of ``seed`` to ``folder``.
-
-    ``sends_rssi``: every reading as well.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    clock = ManualClock()
-    with WireLogBus(folder / f"{dap_id}.wire", clock) as bus:
-        node = DapNode(bus, REHEARSAL_INCIDENT, dap_id, sends_rssi=sends_rssi)
-        for observation in SimulatedScanner(scenario, dap_id, seed).observations(
-            REHEARSAL_START_NS
-        ):
-            clock.set_ns(observation.time_ns)
-            node.take(observation)

@@ -10,7 +10,7 @@ import pytest
 
 from dap_node.commands.serve import Company, follow
 from dap_node.node import DapNode
-from dap_node.scanners.observation import Scan, SetDown
+from dap_node.scanners.observation import RadioScan, Reading, Scan, SetDown
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryBus, MemoryNetwork
 from shared.clock import ManualClock
@@ -20,8 +20,11 @@ from shared.messages import (
     DapInstallation,
     LocalPosition,
     Message,
+    NeighbourHeard,
     ProximityEvent,
     RssiReport,
+    SetDownHere,
+    StationTable,
     Truth,
 )
 from shared.topics import alive_key, everything_of
@@ -46,7 +49,8 @@ class Site:
             "clew/v1/test/*/*/alive", lambda key, is_alive: self.alive.append((key, is_alive))
         )
         self.bus = network.connect()
-        self.node = DapNode(self.bus, "test", "dap2")
+        self.kept: list[StationTable] = []
+        self.node = DapNode(self.bus, "test", "dap2", keep_stations=self.kept.append)
 
     def said(self, kind: type[Message]) -> list[Message]:
         """Return all that the DAP has said of one kind."""
@@ -203,3 +207,79 @@ def test_it_stays_for_responders_that_are_alive() -> None:
         responder.close()
         waiter.join(20.0)
         assert not waiter.is_alive()
+
+
+R1, R2, DAP2, DAP3 = (f"02:00:5e:10:00:{last}" for last in ("01", "02", "82", "83"))
+TABLE = StationTable(
+    event_time_ns=START_NS,
+    sequence=0,
+    responders=((R1, "r1"), (R2, "r2")),
+    daps=((DAP2, "dap2"), (DAP3, "dap3")),
+)
+STATIONS_KEY = "clew/v1/test/post/post/stations"
+
+
+def radio_scan(time_s: float, **dbm: float) -> RadioScan:
+    """Return a scan by the last byte of each address, as in ``x01=-50.0``."""
+    return RadioScan(
+        at(time_s),
+        tuple(Reading(f"02:00:5e:10:00:{name[1:]}", rssi) for name, rssi in dbm.items()),
+    )
+
+
+def test_addresses_become_responders_once_a_post_has_told_whose_they_are(site: Site) -> None:
+    site.node.take(radio_scan(0.2, x01=-50.0))
+    assert site.heard == []
+    site.others.publish(STATIONS_KEY, encode(TABLE))
+    site.node.take(radio_scan(0.4, x01=-51.0, x7f=-30.0))
+    site.node.take(RadioScan(at(0.6), (Reading(R2, -60.0, age_ns=150_000_000),)))
+    site.others.publish(STATIONS_KEY, encode(TABLE))
+    site.node.take(radio_scan(0.8))
+    assert [
+        (report.responder_id, report.event_time_ns, report.rssi_dbm)
+        for report in site.said(RssiReport)
+        if isinstance(report, RssiReport)
+    ] == [("r1", at(0.4), -51.0), ("r2", at(0.45), -60.0)]
+    assert site.kept == [TABLE]
+
+
+def test_a_dap_that_restarts_knows_the_stations_it_kept() -> None:
+    with MemoryNetwork().connect() as bus:
+        heard: list[Received] = []
+        bus.subscribe(everything_of("test"), heard.append)
+        DapNode(bus, "test", "dap2", stations=TABLE).take(radio_scan(0.2, x02=-50.0))
+        (report,) = map(decoded, heard)
+    assert isinstance(report, RssiReport)
+    assert report.responder_id == "r2"
+
+
+def test_other_daps_are_told_of_every_five_seconds_and_its_own_radio_never(site: Site) -> None:
+    site.others.publish(STATIONS_KEY, encode(TABLE))
+    for index in range(60):
+        site.node.take(radio_scan(0.2 * index, x82=-10.0, x83=-60.0 - index % 2))
+    assert site.said(RssiReport) == []
+    told = [each for each in site.said(NeighbourHeard) if isinstance(each, NeighbourHeard)]
+    assert [each.event_time_ns for each in told] == [at(5.0), at(10.0)]
+    assert {each.dap_id for each in told} == {"dap3"}
+    assert [each.sample_count for each in told] == [26, 25]
+    assert told[0].rssi_mean_dbm == -60.5
+    assert told[0].rssi_variance_db2 == pytest.approx(0.25)
+
+
+def set_down(dap_id: str, position: LocalPosition | None) -> bytes:
+    return encode(SetDownHere(event_time_ns=START_NS, sequence=0, dap_id=dap_id, position=position))
+
+
+def test_told_that_it_stands_it_is_installed_by_whom_told_it(site: Site) -> None:
+    orders = [("responder/r7", "dap3", None), ("responder/r7", "dap2", None),
+              ("post/commander", "dap2", PLACE)]  # fmt: skip
+    stages = []
+    for number, (who, dap_id, position) in enumerate(orders, 1):
+        site.others.publish(f"clew/v1/test/{who}/set_down", set_down(dap_id, position))
+        site.node.take(radio_scan(0.2 * number))
+        stages.append(site.node.stage)
+    assert stages == ["carried", "installed", "placed"]
+    assert site.said(DapInstallation) == [
+        DapInstallation(event_time_ns=at(0.4), sequence=0, installer_id="r7", position=None),
+        DapInstallation(event_time_ns=at(0.6), sequence=1, installer_id=None, position=PLACE),
+    ]

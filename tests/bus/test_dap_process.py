@@ -29,7 +29,7 @@ def dap_node(endpoint: str) -> Iterator[subprocess.Popen[bytes]]:
     """Run dap2 of the stairwell, which dials ``endpoint`` and waits for the exercise."""
     command = [sys.executable, "-m", "dap_node", "run", "--insecure", "--id", "dap2",
                "--incident", "test",
-               "--scan", "simulated:stairwell", "--seed", str(SEED), "--await-start",
+               "--source", "simulated:stairwell", "--seed", str(SEED), "--await-start",
                "--connect", endpoint]  # fmt: skip
     with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
         try:

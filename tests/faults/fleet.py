@@ -165,7 +165,7 @@ class Deployment:
 
     def dap(self, name: str, *dials: str) -> Program:
         """Return how a DAP is started that dials those."""
-        journal = ("--scan", f"simulated:{SCENARIO}", "--journal", str(self.journal(name)))
+        journal = ("--source", f"simulated:{SCENARIO}", "--journal", str(self.journal(name)))
         return self._program(name, "dap_node", journal, *dials, listens=True)
 
     def agent(self, name: str, *dials: str) -> Program:

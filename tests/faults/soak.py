@@ -70,7 +70,7 @@ class Nodes:
         self._run("post", "command_post", "run", *of_incident, "--listen", post,
                   "--record", str(self._folder / "soak.mcap"))  # fmt: skip
         self._run("dap1", "dap_node", "run", *of_incident, "--id", "dap1", "--await-start",
-                  "--scan", "simulated:corridor", "--listen", dap, "--connect", post)  # fmt: skip
+                  "--source", "simulated:corridor", "--listen", dap, "--connect", post)  # fmt: skip
         for name in WALKING:
             journal = str(self._folder / f"{name}.journal")
             self._run(name, "tests.faults.talker", dap, INCIDENT, name, journal, str(self._speed))

@@ -141,10 +141,10 @@ def exercise() -> Iterator[Exercise]:
 
 
 def node(exercise: Exercise, program: str, node_id: str, journal: Path) -> tuple[str, ...]:
-    source = "--source" if program == "edge_agent" else "--scan"
     return (
         program, "run", "--id", node_id, "--incident", FIRE, "--insecure", "--await-start",
-        "--connect", exercise.endpoint, "--journal", str(journal), source, "simulated:four_daps",
+        "--connect", exercise.endpoint, "--journal", str(journal),
+        "--source", "simulated:four_daps",
     )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def test_a_dap_tells_of_all_that_it_refused(tmp_path: Path) -> None:
     keys = Keys(tmp_path / "keys", ["dap1", "r1"])
     endpoint, log, out = free_endpoint().replace("tcp", "tls"), tmp_path / "log", tmp_path / "out"
     command = [sys.executable, "-m", "dap_node", "run", "--id", "dap1", "--await-start",
-               "--keys", str(keys["dap1"].folder), "--scan", "simulated:four_daps",
+               "--keys", str(keys["dap1"].folder), "--source", "simulated:four_daps",
                "--journal", str(tmp_path / "dap1.journal"),
                "--listen", endpoint, "--connect", "tls/127.0.0.1:9"]  # fmt: skip
     with (

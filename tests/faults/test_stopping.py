@@ -23,7 +23,7 @@ SOON_S = 4.0
 """Two seconds, and as much again for a loaded machine."""
 
 AGENT = ("edge_agent", "run", "--id", "r1", "--source", "simulated:corridor", "--insecure")
-DAP = ("dap_node", "run", "--id", "dap1", "--scan", "simulated:four_daps", "--insecure")
+DAP = ("dap_node", "run", "--id", "dap1", "--source", "simulated:four_daps", "--insecure")
 NOBODY_ANSWERS, OPEN = "no router answers", "session open"
 
 

@@ -30,10 +30,13 @@ WIRE_FIELDS = {
     "proximity": "event_time_ns sequence responder_id phase rssi_mean_dbm rssi_variance_db2 "
     "sample_count",
     "peak": "event_time_ns sequence responder_id peak_dbm width_s sample_count",
+    "neighbour": "event_time_ns sequence dap_id rssi_mean_dbm rssi_variance_db2 sample_count",
     "contact": "event_time_ns sequence other_id peak_dbm width_s sample_count",
     "fix": "event_time_ns sequence responder_id source position",
     "height_fix": "event_time_ns sequence node node_id down_m sd_m",
     "installation": "event_time_ns sequence installer_id position",
+    "set_down": "event_time_ns sequence dap_id position",
+    "stations": "event_time_ns sequence responders daps",
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
     "heading_sd_rad last_proximity_time_ns down_sd_m regions_m floors status reason",
     "dap_place": "event_time_ns sequence dap_id position",

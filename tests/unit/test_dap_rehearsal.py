@@ -12,7 +12,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from dap_node.__main__ import app
-from dap_node.commands.serve import rehearse_dap
+from dap_node.commands.rehearse import rehearse_dap
 from dap_node.evaluation import LinkTrial, detect, score, try_dap
 from dap_node.peak_score import PeakTrial, score_peaks
 from dap_node.proximity import ProximitySettings
@@ -82,11 +82,11 @@ def test_rehearsed_in_another_process_it_says_the_same(scenario: Scenario, tmp_p
         (["rehearse", "four_dap", "--output", "."], "four_daps"),
         (["rehearse", "four_daps", "--seeds", "9-0", "--output", "."], "as in 0-9"),
         (["evaluate", "course"], "no DAP to evaluate"),
-        (["run", "--insecure", "--id", "dap2", "--scan", "wlan0"], "write simulated:SCENARIO"),
-        (["run", "--insecure", "--id", "dap/2", "--scan", "simulated:four_daps"], "--id 'dap/2'"),
-        (["run", "--insecure", "--id", "dap2", "--scan", "simulated:four_daps",
+        (["run", "--insecure", "--id", "dap2", "--source", "wlan0"], "or simulated:SCENARIO"),
+        (["run", "--insecure", "--id", "dap/2", "--source", "simulated:four_daps"], "--id 'dap/2'"),
+        (["run", "--insecure", "--id", "dap2", "--source", "simulated:four_daps",
           "--listen", "tcp/0.0.0.0:1"], "nothing is encrypted or authenticated"),
-        (["run", "--id", "dap2", "--scan", "simulated:four_daps"], "give --keys FOLDER"),
+        (["run", "--id", "dap2", "--source", "simulated:four_daps"], "give --keys FOLDER"),
     ],
 )  # fmt: skip
 def test_mistakes_on_the_command_line_are_told(arguments: list[str], complaint: str) -> None:

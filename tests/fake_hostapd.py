@@ -1,0 +1,72 @@
+"""A hostapd to test with: its control interface over a real UNIX socket, without a radio."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from pathlib import Path
+from typing import Self
+
+
+class FakeHostapd:
+    """Answers at ``path`` as hostapd does; ``stations`` are its stations' lines, by address."""
+
+    def __init__(self, path: Path) -> None:
+        self.stations: dict[str, dict[str, int]] = {}
+        self.asked: list[str] = []
+        self.deaf = False
+        """Whether it answers nothing, as a program that hangs."""
+
+        self._path = path
+        self._attached: list[bytes] = []
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(path))
+        self._thread = threading.Thread(target=self._serve)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as own:
+            own.sendto(b"END", str(self._path))
+        self._thread.join()
+        self._socket.close()
+        self._path.unlink()
+
+    def say(self, event: str) -> None:
+        """Send an event to whoever is attached."""
+        for address in self._attached:
+            self._socket.sendto(f"<3>{event}".encode(), address)
+
+    def _serve(self) -> None:
+        while True:
+            raw, address = self._socket.recvfrom(4096)
+            command = raw.decode()
+            if command == "END":
+                return
+            self.asked.append(command)
+            if command == "ATTACH":
+                self._attached.append(address)
+            if not self.deaf:
+                self._socket.sendto(self._answer(command).encode(), address)
+
+    def _answer(self, command: str) -> str:
+        addresses = list(self.stations)
+        match command.split():
+            case ["ATTACH"]:
+                return "OK\n"
+            case ["STA-FIRST"]:
+                return self._station(addresses[0]) if addresses else ""
+            case ["STA-NEXT", address] if address in addresses:
+                after = addresses[addresses.index(address) + 1 :]
+                return self._station(after[0]) if after else ""
+            case ["STA-NEXT", _]:
+                return "FAIL\n"
+            case _:
+                return "UNKNOWN COMMAND\n"
+
+    def _station(self, address: str) -> str:
+        told = {"flags": "[AUTH][ASSOC]", "aid": 1, **self.stations[address]}
+        lines = [address, *(f"{name}={value}" for name, value in told.items())]
+        return "".join(f"{line}\n" for line in lines)
