@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 from edge_agent.inertial.sample_intake import take
 from edge_agent.mounts.boot import BootMount
 from edge_agent.mounts.boot_eskf import EskfBootMount
+from edge_agent.mounts.chest import ChestMount
 from edge_agent.mounts.chest_published import PublishedChestMount
 from edge_agent.mounts.interface import Mount
 from edge_agent.mounts.upright import UprightMount
@@ -20,7 +21,7 @@ MethodName: TypeAlias = Literal["eskf", "linear", "robust", "published"]
 
 _MOUNTS: dict[MountName, dict[MethodName, Callable[[], Mount]]] = {
     "boot": {"eskf": EskfBootMount, "linear": lambda: UprightMount(BootMount())},
-    "chest": {"published": PublishedChestMount},
+    "chest": {"robust": ChestMount, "published": PublishedChestMount},
 }
 """By mount, the default method first."""
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD
 from edge_agent.inertial.linear_zupt import PathPoint
-from edge_agent.inertial.step_detection import Step
 from edge_agent.inertial.stride_error import STILL_SD_M, UNKNOWN_HEADING_VARIANCE_RAD2
 from edge_agent.mounts.interface import Increment
 from shared.messages import Activity
@@ -26,24 +25,40 @@ FAST_STEP_S, RUN_STEP_S = 0.45, 0.38
 """A quicker step is one of fast walking, or of running."""
 
 
-class Direction(NamedTuple):
-    """Where a step leads (``heading_rad``), and how far that is from the step before's.
+class StepTimes(Protocol):
+    """When a step began and ended."""
 
-    ``variance_rad2`` is of that change; ``facing_sd_rad`` of how the wearer faces to it.
+    @property
+    def start_time_ns(self) -> int:
+        """When it began."""
+
+    @property
+    def end_time_ns(self) -> int:
+        """When it ended."""
+
+
+class Direction(NamedTuple):
+    """How the wearer faces as a step ends, and how far they have turned since the one before.
+
+    ``variance_rad2`` is of that turn. ``course_rad`` is where the step leads, if not along the
+    middle of the turn; ``facing_sd_rad`` is how well it is known how the sensor is worn.
     """
 
     heading_rad: float
     d_heading_rad: float
     variance_rad2: float
+    course_rad: float | None = None
     facing_sd_rad: float = UNKNOWN_HEADING_SD_RAD
 
 
 def step_ahead(
-    step: Step, length_m: float, direction: Direction, *, scale_sd: float = STEP_SCALE_SD
+    step: StepTimes, length_m: float, direction: Direction, *, scale_sd: float = STEP_SCALE_SD
 ) -> Increment:
-    """Return the increment of a step of ``length_m``, along the middle of its change of heading."""
-    heading_rad = direction.heading_rad - 0.5 * direction.d_heading_rad
-    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    """Return the increment of a step of ``length_m`` that leads as ``direction`` says."""
+    course_rad = direction.course_rad
+    if course_rad is None:
+        course_rad = direction.heading_rad - 0.5 * direction.d_heading_rad
+    c, s = math.cos(course_rad), math.sin(course_rad)
     along_m2 = STILL_SD_M**2 + (scale_sd * length_m) ** 2
     aside_m2 = STILL_SD_M**2 + (SWAY_RAD * length_m) ** 2
     hh = direction.variance_rad2
@@ -69,7 +84,7 @@ def step_ahead(
     )
 
 
-def step_anywhere(step: Step, length_m: float) -> Increment:
+def step_anywhere(step: StepTimes, length_m: float) -> Increment:
     """Return the increment of a step of which nothing tells where it leads."""
     level_m2 = 0.5 * length_m**2
     covariance = (level_m2, 0.0, 0.0, 0.0,
@@ -88,7 +103,7 @@ def step_anywhere(step: Step, length_m: float) -> Increment:
     )
 
 
-def activity_of(step: Step) -> Activity:
+def activity_of(step: StepTimes) -> Activity:
     """Return what legs do that step so quickly."""
     lasted_s = (step.end_time_ns - step.start_time_ns) / NS_PER_S
     if lasted_s < RUN_STEP_S:

@@ -1,4 +1,4 @@
-"""A source that walks a scenario: samples of a simulated boot, and where it really is."""
+"""A source that walks a scenario: samples of a simulated sensor, and where it really is."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ import numpy as np
 from edge_agent.sources.reading import Reading, Source, TruePlace
 from edge_agent.sources.recording import SourceError
 from edge_agent.sources.simulated_cues import simulated_cues
+from edge_agent.sources.simulated_wear import (
+    refuse_unsimulated,
+    simulate_worn,
+    true_position_m,
+)
 from shared.messages import LocalPosition, Mount, NodeId
-from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.scenario import load_scenario
 from shared.simulation.walker import simulate_walk
 from shared.units import NS_PER_S
@@ -19,16 +23,6 @@ from shared.units import NS_PER_S
 TRUTH_RATE_HZ = 10.0
 START_SD_M = 0.5
 """How well somebody knows where at the entrance they stand."""
-
-
-SIMULATED_MOUNTS: tuple[Mount, ...] = ("boot",)
-
-
-def refuse_unsimulated(mount: Mount) -> None:
-    """Raise ``SourceError`` for a ``mount`` that no scenario can be walked with."""
-    if mount not in SIMULATED_MOUNTS:
-        there = ", ".join(SIMULATED_MOUNTS)
-        raise SourceError(f"simulated: no sensor worn as {mount}; there are {there}")
 
 
 def open_simulated(
@@ -44,11 +38,11 @@ def open_simulated(
     if responder_id not in scenario.responders:
         known = ", ".join(scenario.responders)
         raise SourceError(f"{scenario_name}: no responder {responder_id!r}; there are {known}")
-    recording = simulate_boot_imu(scenario, responder_id, seed)
-    foot = simulate_walk(scenario, responder_id, seed).foot
+    recording = simulate_worn(scenario, responder_id, seed, mount)
+    walk = simulate_walk(scenario, responder_id, seed)
     begin_s, end_s = recording.time_s[[0, -1]]
     time_s = np.arange(begin_s, end_s, 1.0 / TRUTH_RATE_HZ)
-    position_m, _ = foot.pose(time_s)
+    position_m = true_position_m(walk, mount, time_s)
     truth = [
         TruePlace(round(at_s * NS_PER_S), (north_m, east_m, down_m))
         for at_s, (north_m, east_m, down_m) in zip(

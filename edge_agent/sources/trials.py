@@ -15,9 +15,12 @@ from edge_agent.evaluation.truth import Height, truth_of_stances
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.recording import Recording, SourceError
-from edge_agent.sources.simulated import refuse_unsimulated
+from edge_agent.sources.simulated_wear import (
+    refuse_unsimulated,
+    simulate_worn,
+    truth_of_trunk,
+)
 from edge_agent.sources.vendor_csv import read_vendor_csv
-from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.simulation.walker import simulate_walk
 from shared.units import NS_PER_S
@@ -54,7 +57,11 @@ def find_trials(where: str, seed: int, mount: MountName = "boot") -> list[Trial]
         scenario = load_scenario(name)
         group = f"simulated/{Path(name).stem}"
         return [
-            Trial(f"{responder}/seed_{seed}", group, partial(_simulate, scenario, responder, seed))
+            Trial(
+                f"{responder}/seed_{seed}",
+                group,
+                partial(_simulate, scenario, responder, seed, mount),
+            )
             for responder in sorted(scenario.responders)
         ]
     path = Path(where)
@@ -90,16 +97,18 @@ def _read_csv(path: Path) -> TrialData:
     return TrialData(read_vendor_csv(path), None)
 
 
-def _simulate(scenario: Scenario, responder: str, seed: int) -> TrialData:
-    read = simulate_boot_imu(scenario, responder, seed)
+def _simulate(scenario: Scenario, responder: str, seed: int, mount: MountName) -> TrialData:
+    read = simulate_worn(scenario, responder, seed, mount)
     walk = simulate_walk(scenario, responder, seed)
+    time_ns = np.rint(read.time_s * NS_PER_S).astype(np.int64)
+    recording = Recording(
+        time_ns, read.force_m_s2, read.rate_rad_s, read.field_ut, read.pressure_pa
+    )
+    if mount != "boot":
+        return TrialData(recording, truth_of_trunk(walk))
     position_m, _ = walk.foot.pose(read.time_s)
     truth = replace(
         truth_of_stances(walk.stance_time_s, walk.stance_position_m, scenario.taped_m),
         height=Height(read.time_s, position_m[:, 2]),
-    )
-    time_ns = np.rint(read.time_s * NS_PER_S).astype(np.int64)
-    recording = Recording(
-        time_ns, read.force_m_s2, read.rate_rad_s, read.field_ut, read.pressure_pa
     )
     return TrialData(recording, truth)
