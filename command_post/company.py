@@ -73,10 +73,12 @@ class Company:
             for received in self._bus.query(str(key), ASK_TIMEOUT_S):
                 self._hear(received)
 
-    def tell(self) -> None:
-        """Say in the log who has come and gone since this was last called."""
-        for role, node_id, is_alive in self._seen.get_all():
+    def tell(self) -> bool:
+        """Say in the log who has come and gone since this was last called, and whether any came."""
+        seen = self._seen.get_all()
+        for role, node_id, is_alive in seen:
             _log.info("a node comes" if is_alive else "a node goes", role=role, node_id=node_id)
+        return any(is_alive for _, _, is_alive in seen)
 
     def _note(self, key: str, is_alive: bool) -> None:
         incident, role, node_id = key.split("/")[2:5]

@@ -43,6 +43,7 @@ from shared.messages import (
     ProximityEvent,
     Receipt,
     RssiPeak,
+    StationTable,
     TrackEstimate,
     TrackStart,
 )
@@ -65,6 +66,9 @@ _FUSED = frozenset(
         DapInstallation,
     }
 )  # fmt: skip
+
+
+_SAID: dict[type[Message], str] = {Order: "order", Receipt: "receipt", StationTable: "stations"}
 
 
 class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -226,7 +230,7 @@ class Incident:
             self._refuse(parsed.reason, _node_of(key), parsed.detail)
         elif parsed.role != "post":
             self._take(parsed, payload, now_ns)
-        elif parsed[:3] == (self.settings.incident, "post", self.settings.post_id):
+        elif self._is_own(parsed):
             self._refuse("not_the_post", parsed.node_id, "somebody else uses this post's keys")
         else:
             made += self._take_from_post(parsed, payload, now_ns)
@@ -244,9 +248,9 @@ class Incident:
         """When something is due next, were nothing heard until then."""
         return self._time_line.due_ns
 
-    def said(self, message: Order | Receipt) -> Outgoing:
-        """Return an order or a receipt as it is to be published."""
-        return self._outgoing(message, "order" if isinstance(message, Order) else "receipt")
+    def said(self, message: Order | Receipt | StationTable) -> Outgoing:
+        """Return an order, a receipt or the table of stations as it is to be published."""
+        return self._outgoing(message, _SAID[type(message)])
 
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""
@@ -258,6 +262,11 @@ class Incident:
         for event in self._dating.rest():
             self._time_line.put(event, now_ns)
         return made + self._fuse(self._time_line.release_all())
+
+    def _is_own(self, key: Key) -> bool:
+        """Whether only this post says such things: its table is handled, to be on the record."""
+        own = (self.settings.incident, "post", self.settings.post_id)
+        return key[:3] == own and key.topic != "stations"
 
     def _parsed(self, key_text: str) -> Key | Refusal:
         known = self._keys.get(key_text)

@@ -28,6 +28,7 @@ from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.safekeeping import Safekeeping
+from command_post.station_notice import StationNotice
 from command_post.voice import Voice
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received
@@ -36,7 +37,7 @@ from shared.codec import Refusal, decode, parse_key
 from shared.collector import Collector
 from shared.gate import Gate
 from shared.mcap_reader import Recording
-from shared.messages import ExerciseStart
+from shared.messages import ExerciseStart, StationTable
 from shared.security.certificates import Identity
 from shared.sender import Outbox, Sign
 from shared.time_service import time_answerer
@@ -98,6 +99,7 @@ class Post:
         metrics: Metrics | None = None,
         remarks: Sequence[str] = (),
         checkpoints: Checkpoints | None = None,
+        stations: StationTable | None = None,
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
@@ -105,6 +107,7 @@ class Post:
         what the post says. ``meet``: asks a node that comes who it is. ``sign``: signs what the
         post answers. ``metrics``: who is told of all that the post counts. ``remarks``: what the
         roster is to say of how it was begun. ``checkpoints``: keep the post's state now and then.
+        ``stations``: whose radio is whose, to be told to DAPs and responders' units.
         """
         self._bus = bus
         self._incident = incident
@@ -135,6 +138,7 @@ class Post:
 
         self._checkpoints = checkpoints
         self._repeats = OrderRepeats()
+        self._stations = StationNotice(stations)
 
     def take_up(self, recording: Recording, kept: Kept | None) -> None:
         """Take the incident up where ``recording``, which is gone on with, was broken off.
@@ -200,7 +204,7 @@ class Post:
             self._keep_state()
             if time.monotonic() >= next_show_s:
                 self._repeat_orders()
-                self._company.tell()
+                self._tell_stations(some_came=self._company.tell())
                 self._tell_figures()
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
@@ -325,6 +329,16 @@ class Post:
         alive, now_ns = self._company.responders, self._clock.now_ns()
         for order in self._repeats.due(self._incident.orders, alive, now_ns):
             self._voice.say_again(self._incident.said(order))
+
+    def _tell_stations(self, *, some_came: bool) -> None:
+        """Say whose radios are whose if it is due; the first time for the record as well."""
+        now_ns = self._clock.now_ns()
+        table = self._stations.due(time.monotonic(), now_ns, some_came=some_came)
+        if table is None:
+            return
+        (said,) = self._voice.say([self._incident.said(table)])
+        if table.sequence == 0:
+            self._publish(self._recorded.handle(*said, self._handled_at_ns(now_ns)))
 
     def _follow(self, key: str, payload: bytes) -> None:
         """Set the clock by an ``ExerciseStart``."""

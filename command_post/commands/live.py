@@ -56,6 +56,7 @@ from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.sender import Unkept
 from shared.simulation.scenario import load_scenario
+from shared.stations import read_stations
 from shared.topics import check_id
 
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
@@ -75,6 +76,7 @@ def run(
     particles: int = 1000,
     hold_s: Annotated[float | None, Parameter(name="--hold")] = None,
     plan: Path | None = None,
+    stations: Path | None = None,
     table: bool = False,
     metrics: str | None = None,
     await_start: bool = False,
@@ -109,6 +111,8 @@ def run(
     plan
         The building's walls, in GeoJSON: tracks are held to the way they run where people go so.
         One that cannot be used is named, also in the roster, and gone on without.
+    stations
+        Whose radio is whose, in TOML or CSV: told to DAPs and responders' units (docs/dap.md).
     table
         Show the roster on standard output.
     metrics
@@ -125,6 +129,7 @@ def run(
         )
         if refused is not None:
             _log.error(refused)
+        listed = None if stations is None else read_stations(stations)
         settings = IncidentSettings(
             incident=check_id(incident, "--incident"),
             post_id=check_id(post_id, "--id"),
@@ -162,7 +167,7 @@ def run(
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=introductions.meet, sign=None if bundle is None else bundle.sign,
                     metrics=figures, remarks=() if refused is None else (refused,),
-                    checkpoints=Checkpoints(state, recorder),
+                    checkpoints=Checkpoints(state, recorder), stations=listed,
                 )  # fmt: skip
                 if part is not None:
                     # It can be broken off: the recording stays as it is, to be gone on with.

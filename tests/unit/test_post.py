@@ -28,6 +28,7 @@ from shared.messages import (
     OdometryIncrement,
     Receipt,
     SafeUpTo,
+    StationTable,
     TrackEstimate,
     TrackStart,
 )
@@ -91,7 +92,11 @@ def estimate_in(received: Received) -> TrackEstimate:
 
 @contextmanager
 def serving(
-    network: MemoryNetwork, path: Path, *, follows_exercise: bool = False
+    network: MemoryNetwork,
+    path: Path,
+    *,
+    follows_exercise: bool = False,
+    stations: StationTable | None = None,
 ) -> Iterator[tuple[Bus, ManualClock, list[Roster]]]:
     """Run a post; give the bus of somebody else, the post's clock and what it shows."""
     clock, shown, stop = ManualClock(NOW_NS), list[Roster](), Event()
@@ -102,7 +107,7 @@ def serving(
     ):
         post = Post(
             bus, Incident(SETTINGS), recorder, clock,
-            follows_exercise=follows_exercise, show=shown.append,
+            follows_exercise=follows_exercise, show=shown.append, stations=stations,
         )  # fmt: skip
         if recorder.unfinished is not None:
             post.take_up(read_recording(recorder.unfinished), None)
@@ -120,6 +125,31 @@ def serving(
 
 def recorded_keys(path: Path) -> list[str]:
     return [message.key.removeprefix("clew/v1/fire/") for message in read_recording(path)]
+
+
+STATIONS = StationTable(
+    event_time_ns=0, sequence=0, responders=(("02:00:5e:10:00:01", "r1"),), daps=()
+)
+
+
+def test_whose_radios_are_whose_is_told_to_whoever_comes_and_recorded_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("command_post.station_notice.LEAST_PAUSE_S", 0.0)
+    path, network, heard = tmp_path / "a.mcap", MemoryNetwork(), list[Received]()
+    with serving(network, path, stations=STATIONS) as (other, _, _):
+        other.subscribe(key("stations", "post", "p"), heard.append)
+        for number in range(2):
+            told = len(heard)
+            other.declare_alive(alive_key("fire", "dap", f"dap{number}"))
+            wait_for(lambda: len(heard) > told, "the table")  # noqa: B023
+    tables = [message_in(each) for each in heard]
+    assert {(each.responders, each.daps) for each in tables if isinstance(each, StationTable)} == {
+        (STATIONS.responders, ())
+    }
+    assert recorded_keys(path).count("post/p/stations") == 1
+    report = replay(path, Incident(SETTINGS))
+    assert report.identical
 
 
 def test_strides_become_estimates_published_and_recorded_once(tmp_path: Path) -> None:
