@@ -59,7 +59,7 @@ class Hearing:
     def sort_out(self, scan: RadioScan) -> Iterator[Heard]:
         """Yield what was heard of whom; of this DAP's own radios nothing."""
         for reading in scan.readings:
-            owner = self._stations.whose(reading.address)
+            owner = self._stations.whose(*reading.names)
             if owner is not None and owner != self._own:
                 yield Heard(scan.time_ns - min(reading.age_ns, OLDEST_NS), *owner, reading.rssi_dbm)
             elif owner is None and len(self._strangers) < MOST_STRANGERS:

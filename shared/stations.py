@@ -50,9 +50,9 @@ class Stations:
     def __len__(self) -> int:
         return len(self._owners)
 
-    def whose(self, address: StationAddress) -> tuple[Role, NodeId] | None:
-        """Return the role and the name of who has that radio; ``None`` if nobody is known to."""
-        return self._owners.get(address)
+    def whose(self, *names: StationAddress) -> tuple[Role, NodeId] | None:
+        """Return the role and the name of who has the radio of these names; ``None`` if unknown."""
+        return next((self._owners[name] for name in names if name in self._owners), None)
 
 
 def parse_address(text: str) -> StationAddress:

@@ -1,9 +1,9 @@
 """Recorded dumps: what a radio heard, as JSON lines.
 
 A line is a reading, ``{"time_ns": 1700000000200000000, "station": "02:00:5e:10:00:01",
-"rssi_dbm": -47.0}``, with ``age_ms``, ``average_dbm`` and ``chains_dbm`` where they are known; or a
-scan that heard nobody, ``{"time_ns": 1700000000400000000}``. Lines of one time are one scan, and
-times do not go back.
+"rssi_dbm": -47.0}``, with ``age_ms``, ``average_dbm``, ``chains_dbm`` and ``aliases`` where they
+are known; or a scan that heard nobody, ``{"time_ns": 1700000000400000000}``. Lines of one time are
+one scan, and times do not go back.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     age_ms: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
     average_dbm: PowerDbm | None = None
     chains_dbm: Annotated[tuple[PowerDbm, ...], Meta(max_length=16)] = ()
+    aliases: tuple[str, ...] = ()
 
 
 _decoder = msgspec.json.Decoder(Line)
@@ -56,6 +57,7 @@ def as_lines(scan: RadioScan) -> bytes:
             age_ms=reading.age_ns / NS_PER_MS,
             average_dbm=reading.average_dbm,
             chains_dbm=reading.chains_dbm,
+            aliases=reading.aliases,
         )
         for reading in scan.readings
     ]
@@ -97,7 +99,7 @@ def played(scans: list[RadioScan], begin_ns: int) -> Iterator[RadioScan]:
 
 def only_known(scan: RadioScan, known: Stations) -> RadioScan:
     """Return a scan without the radios that are on no table."""
-    readings = (reading for reading in scan.readings if known.whose(reading.address) is not None)
+    readings = (reading for reading in scan.readings if known.whose(*reading.names) is not None)
     return scan._replace(readings=tuple(readings))
 
 
@@ -125,5 +127,5 @@ def _reading(line: Line) -> Reading | None:
         raise ValueError("a station without rssi_dbm")
     return Reading(
         parse_address(line.station), line.rssi_dbm, round(line.age_ms * NS_PER_MS),
-        line.average_dbm, line.chains_dbm,
+        line.average_dbm, line.chains_dbm, tuple(map(parse_address, line.aliases)),
     )  # fmt: skip

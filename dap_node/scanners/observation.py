@@ -26,7 +26,7 @@ class Reading(NamedTuple):
     """The signal strength of a radio, and how long before the scan it was heard.
 
     ``average_dbm`` is the driver's running mean, ``chains_dbm`` is what each antenna heard, where
-    the driver tells them.
+    the driver tells them. ``aliases`` are what else the radio calls itself.
     """
 
     address: StationAddress
@@ -34,6 +34,12 @@ class Reading(NamedTuple):
     age_ns: int = 0
     average_dbm: float | None = None
     chains_dbm: tuple[float, ...] = ()
+    aliases: tuple[StationAddress, ...] = ()
+
+    @property
+    def names(self) -> tuple[StationAddress, ...]:
+        """All that the radio calls itself."""
+        return (self.address, *self.aliases)
 
 
 class RadioScan(NamedTuple):

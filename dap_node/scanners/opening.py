@@ -66,6 +66,10 @@ def _open_live(name: str, rate_hz: float) -> LiveSource:
         from dap_node.scanners.hostapd import HostapdRadio  # noqa: PLC0415
 
         return PolledSource(name, partial(HostapdRadio, Path(where)), rate_hz)
+    if kind == "ble":
+        from dap_node.scanners.ble import BleSource, open_bluetooth  # noqa: PLC0415
+
+        return BleSource(name, open_bluetooth(where), rate_hz)
     raise ScannerError(f"{name}: only one source can be given, unless all are radios")
 
 
