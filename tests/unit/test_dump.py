@@ -27,6 +27,7 @@ READINGS = st.builds(
     st.integers(0, 1000).map(lambda ms: ms * 1_000_000),
     st.none() | st.floats(-120.0, 0.0),
     st.lists(st.floats(-120.0, 0.0), max_size=4).map(tuple),
+    st.lists(st.sampled_from([A, B]), max_size=2).map(tuple),
 )
 SCANS = st.lists(
     st.builds(RadioScan, st.integers(0, 2**62), st.lists(READINGS, max_size=4).map(tuple)),
