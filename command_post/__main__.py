@@ -10,6 +10,7 @@ from command_post.commands.keys import keys
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, plan, rehearse
 from command_post.commands.orders import click, floor, order
+from command_post.commands.people import people
 from command_post.commands.prepare import prepare
 from command_post.commands.proof import proof
 from command_post.commands.scoring import replay, score_file
@@ -38,6 +39,7 @@ app.command(proof)
 app.command(prepare)
 app.command(doctor)
 app.command(keys)
+app.command(people)
 
 
 def main() -> None:

@@ -23,6 +23,12 @@ def radii95_m(covariance_m2: tuple[float, float, float]) -> tuple[float, float]:
     return math.sqrt(CHI_SQUARE_95 * longer), math.sqrt(CHI_SQUARE_95 * shorter)
 
 
+def axes95(covariance_m2: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the semi-axes of the 95 % ellipse and the bearing of the longer (rad from north)."""
+    nn, ne, ee = covariance_m2
+    return *radii95_m(covariance_m2), 0.5 * math.atan2(2.0 * ne, nn - ee)
+
+
 def inside95(error_m: Floats, covariance_m2: Floats) -> NDArray[np.bool_]:
     """Say which errors (n, ≥2: north, east) lie in the 95 % ellipses of (n, 3: nn, ne, ee).
 

@@ -19,7 +19,7 @@ from command_post.authority import Authority
 from command_post.children import Children
 from command_post.fusion.settings import HOLD_S
 from shared.bus.interface import Bus, Received
-from shared.bus.loopback import free_ports
+from shared.bus.loopback import free_port, free_ports
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
@@ -41,6 +41,9 @@ PREPARATIONS = ("agents.prepare", "post.prepare")
 PREPARED_SOON_S = 3.0
 READY_TIMEOUT_S = 90.0
 POLL_S = 0.1
+PAGE_PORT = 8080
+"""Where the page is, if nothing else is there."""
+
 KEYS_DAYS = 7
 LONGEST_HOLD_S = 60.0
 LATEST_S = 0.6
@@ -123,12 +126,14 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
         if not _prepare(settings, children, stop, say):
             return False
         own_keys = _issue_keys(settings)
-        locators = _start_nodes(settings, children)
+        page = f"127.0.0.1:{free_port(PAGE_PORT)}"
+        locators = _start_nodes(settings, children, page)
         with (
             open_zenoh("client", connect=[locators[POST_ID]], bundle=own_keys) as bus,
             Introductions(bus, INCIDENT, own_keys) as introductions,
         ):
             say("starting " + ", ".join(children.running()))
+            say(f"page: http://{page}/")
             if not _wait_until_alive(settings, bus, children, stop):
                 return False
             if not introductions.introduce():
@@ -178,7 +183,7 @@ def _issue_keys(settings: DemoSettings) -> Bundle:
     return Bundle(settings.keys / LAUNCHER_ID)
 
 
-def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
+def _start_nodes(settings: DemoSettings, children: Children, page: str) -> dict[str, str]:
     names = [POST_ID, *settings.scenario.daps]
     ports = zip(names, free_ports(len(names)), strict=True)
     locators = {name: f"tls/127.0.0.1:{port}" for name, port in ports}
@@ -197,7 +202,8 @@ def _start_nodes(settings: DemoSettings, children: Children) -> dict[str, str]:
         POST_ID,
         "command_post",
         ("run", *named(POST_ID), "--listen", locators[POST_ID],
-         "--record", str(settings.recording), *seed, "--hold", str(settings.hold_s), *table),
+         "--record", str(settings.recording), *seed, "--hold", str(settings.hold_s), "--page", page,
+         *table),
         shows=True,
     )  # fmt: skip
     for dap_id in settings.scenario.daps:

@@ -13,9 +13,11 @@ from typing import NamedTuple
 
 import msgspec
 
+from command_post.alert_desk import AlertDesk, Known
+from command_post.announcer import Announcer, Outgoing
 from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
-from command_post.fusion.interface import Afterwards
+from command_post.fusion.interface import Afterwards, Doubt
 from command_post.fusion.methods import make_fusion
 from command_post.fusion.settings import HOLD_S, FusionSettings
 from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
@@ -24,11 +26,12 @@ from command_post.node_clock import KnownClock
 from command_post.orders import Orders
 from command_post.senders import Senders
 from command_post.told import LastMovement, RaisedAlarm, Told
-from shared.codec import Refusal, decode, encode, parse_key
+from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
     AlarmKind,
+    Alert,
+    AlertRequest,
     Contact,
-    DapEstimate,
     DapInstallation,
     HeightFix,
     Message,
@@ -44,7 +47,7 @@ from shared.messages import (
     Receipt,
     RssiPeak,
     StationTable,
-    TrackEstimate,
+    StrangerNoticed,
     TrackStart,
 )
 from shared.seal import Seal, read_seal
@@ -100,13 +103,6 @@ class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
             raise ValueError(f"its settings cannot be used: {error}") from error
 
 
-class Outgoing(NamedTuple):
-    """A message to publish."""
-
-    key: str
-    payload: bytes
-
-
 class Notice(NamedTuple):
     """What is to be told once of a node: a kind of refusal, or what is wrong with it."""
 
@@ -137,12 +133,14 @@ class Incident:
         self._heard_ns: dict[tuple[Role, str], int] = {}
         self._told = Told()
         self._orders = Orders()
+        self._alerts = AlertDesk(settings.hold_ns)
         self._senders = Senders(settings.hold_ns, settings.post_id)
         self._dating = Dating(self._senders)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
         self._doubted: set[tuple[str, Role, str]] = set()
-        self._sequences: Counter[str] = Counter()
+        self._doubts: tuple[Doubt, ...] = ()
+        self._announcer = Announcer(settings.incident, settings.post_id)
         self._dap_places: dict[str, Outgoing] = {}
 
     @property
@@ -184,6 +182,11 @@ class Incident:
     def orders(self) -> Orders:
         """What has been ordered, and who has not acknowledged it."""
         return self._orders
+
+    @property
+    def alerts(self) -> Mapping[int, Alert]:
+        """What the commander has been alerted to, by number; see ``AlertDesk``."""
+        return self._alerts.alerts
 
     @property
     def counts(self) -> Counter[str]:
@@ -229,7 +232,7 @@ class Incident:
         if isinstance(parsed, Refusal):
             self._refuse(parsed.reason, _node_of(key), parsed.detail)
         elif parsed.role != "post":
-            self._take(parsed, payload, now_ns)
+            made += self._take(parsed, payload, now_ns)
         elif self._is_own(parsed):
             self._refuse("not_the_post", parsed.node_id, "somebody else uses this post's keys")
         else:
@@ -241,16 +244,20 @@ class Incident:
 
         What comes of it is what the next ``handle`` would have made first.
         """
-        return self._fuse(self._time_line.release(now_ns))
+        made = self._fuse(self._time_line.release(now_ns))
+        return made + self._alerted(self._alerts.pass_time(now_ns))
 
     @property
     def due_ns(self) -> int | None:
         """When something is due next, were nothing heard until then."""
-        return self._time_line.due_ns
+        due_ns = [
+            each for each in (self._time_line.due_ns, self._alerts.due_ns) if each is not None
+        ]
+        return min(due_ns, default=None)
 
     def said(self, message: Order | Receipt | StationTable) -> Outgoing:
         """Return an order, a receipt or the table of stations as it is to be published."""
-        return self._outgoing(message, _SAID[type(message)])
+        return self._announcer.outgoing(message, _SAID[type(message)])
 
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""
@@ -286,6 +293,10 @@ class Incident:
         elif key.incident == self.settings.incident:
             if isinstance(message, OrderRequest):
                 return self._order(key.node_id, message, now_ns)
+            if isinstance(message, AlertRequest):
+                return self._alerted(self._alerts.request(key.node_id, message, now_ns))
+            if isinstance(message, StrangerNoticed):
+                return self._alerted(self._alerts.notice(message, now_ns))
             if key.topic in _FUSED:
                 self._time_line.put(Event(key, message, message.event_time_ns), now_ns)
         return []
@@ -298,20 +309,21 @@ class Incident:
         order, waited_for = (None, ()) if isinstance(issued, str) else issued
         answer = OrderAnswer(
             event_time_ns=now_ns,
-            sequence=self._next_sequence("order_answer"),
+            sequence=self._announcer.next_sequence("order_answer"),
             commander_id=commander_id,
             request_sequence=request.sequence,
             refusal=refusal,
             waited_for=waited_for,
         )
-        outgoing = [] if order is None else [self._outgoing(order, "order")]
-        return [*outgoing, self._outgoing(answer, "order_answer")]
+        outgoing = [] if order is None else [self._announcer.outgoing(order, "order")]
+        return [*outgoing, self._announcer.outgoing(answer, "order_answer")]
 
-    def _take(self, key: Key, payload: bytes, now_ns: int) -> None:
+    def _take(self, key: Key, payload: bytes, now_ns: int) -> list[Outgoing]:
+        """Take in what a node says; return what is alerted to at once."""
         message = decode(key, payload)
         if isinstance(message, Refusal):
             self._refuse(message.reason, key.node_id, message.detail)
-            return
+            return []
         node = (key.role, key.node_id)
         if key.incident != self.settings.incident:
             self._refuse("foreign_incident", key.node_id, f"of {key.incident!r}")
@@ -324,6 +336,8 @@ class Incident:
                 self._orders.meet(key.node_id)
             self._heard_ns[node] = now_ns
             self._take_dated(key, message, now_ns, read_seal(payload))
+            return self._alerted(self._alerts.hear(node, message, now_ns))
+        return []
 
     def _take_dated(self, key: Key, message: Message, now_ns: int, seal: Seal | None) -> None:
         """Take in what a node of this incident says, and when that was on the post's clock."""
@@ -352,23 +366,35 @@ class Incident:
     def _fuse(self, events: list[Event]) -> list[Outgoing]:
         return [outgoing for event in events for outgoing in self._outcome(event)]
 
+    def _alerted(self, alerts: list[Alert]) -> list[Outgoing]:
+        return [self._announcer.alert(alert) for alert in alerts]
+
     def _outcome(self, event: Event) -> Iterator[Outgoing]:
         """Let the tracker have one event, and say what it changed."""
         self._give(event.key.node_id, event.dated)
-        self._tell_doubts()
+        yield from self._doubted_at(event.dated.event_time_ns)
         changes = self._tracker.take_changes()
         for responder_id, estimate in changes.estimates:
-            yield self._track(responder_id, estimate)
+            yield self._announcer.track(responder_id, estimate)
         for dap_id, dap in changes.daps:
-            yield self._dap_place(dap_id, dap)
+            # The DAP knows its installation by the time that it gave itself.
+            said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
+            self._dap_places[dap_id] = place = self._announcer.dap_place(dap_id, dap, said_ns)
+            yield place
 
-    def _tell_doubts(self) -> None:
-        for doubt in self._tracker.doubts:
+    def _doubted_at(self, time_ns: int) -> list[Outgoing]:
+        """Alert to what the fusion doubts since ``time_ns``."""
+        if self._doubts is self._tracker.doubts:
+            return []
+        self._doubts = self._tracker.doubts
+        for doubt in self._doubts:
             kind = (doubt.kind, doubt.role, doubt.node_id)
             if kind not in self._doubted:
                 self._doubted.add(kind)
                 detail = f"{doubt.role}: {doubt.words} ({doubt.certainty:.0%} certain)"
                 self._notices.append(Notice(f"doubt_{doubt.kind}", doubt.node_id, detail))
+        known = [Known(one.kind, one.role, one.node_id, one.words) for one in self._doubts]
+        return self._alerted(self._alerts.doubt(known, time_ns))
 
     def _give(self, node_id: str, message: Message) -> None:
         match message:
@@ -388,50 +414,6 @@ class Incident:
                 self._tracker.height_fix(height)
             case DapInstallation() as said:
                 self._tracker.install(node_id, said)
-
-    def _track(self, responder_id: str, estimate: Estimate) -> Outgoing:
-        return self._outgoing(
-            TrackEstimate(
-                event_time_ns=estimate.time_ns,
-                sequence=self._next_sequence("track"),
-                responder_id=responder_id,
-                north_m=estimate.north_m,
-                east_m=estimate.east_m,
-                down_m=estimate.down_m,
-                covariance_m2=estimate.covariance_m2,
-                heading_rad=estimate.heading_rad,
-                heading_sd_rad=estimate.heading_sd_rad,
-                last_proximity_time_ns=estimate.last_proximity_time_ns,
-                down_sd_m=estimate.down_sd_m,
-                regions_m=estimate.regions_m,
-                floors=estimate.floors,
-                status=estimate.status,
-                reason=estimate.reason,
-            ),
-            "track",
-        )
-
-    def _dap_place(self, dap_id: str, dap: InstalledDap) -> Outgoing:
-        self._dap_places[dap_id] = place = self._outgoing(
-            DapEstimate(
-                # The DAP knows its installation by the time that it gave itself.
-                event_time_ns=self._dating.said_ns(dap_id, dap.installed_ns),
-                sequence=self._next_sequence("dap_place"),
-                dap_id=dap_id,
-                position=dap.position,
-            ),
-            "dap_place",
-        )
-        return place
-
-    def _next_sequence(self, topic: str) -> int:
-        number = self._sequences[topic]
-        self._sequences[topic] += 1
-        return number
-
-    def _outgoing(self, message: Message, topic: str) -> Outgoing:
-        key = Key(self.settings.incident, "post", self.settings.post_id, topic)
-        return Outgoing(str(key), encode(message))
 
 
 def _is_ones_own(key: Key, message: Message) -> bool:

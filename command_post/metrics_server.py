@@ -6,8 +6,6 @@ authority has given a certificate.
 
 from __future__ import annotations
 
-import ipaddress
-import re
 import socket
 import ssl
 import threading
@@ -20,6 +18,7 @@ from typing import NamedTuple
 import structlog
 from prometheus_client import CONTENT_TYPE_LATEST
 
+from command_post.listening import Address, listening_address
 from command_post.metrics import Metrics
 from shared.security.bundle import AUTHORITY_FILE, CERTIFICATE_FILE, KEY_FILE, Bundle
 
@@ -27,7 +26,6 @@ PATIENCE_S = 5.0
 """How long whoever asks may take to say what for."""
 
 MOST_ASKING = 16
-_ADDRESS = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):(?P<port>\d{1,5})")
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -39,28 +37,18 @@ class Page(NamedTuple):
     make: Callable[[], bytes]
 
 
-class Address(NamedTuple):
-    """Where to listen."""
-
-    host: str
-    port: int
-
-
 def metrics_address(text: str, bundle: Bundle | None) -> Address:
     """Return the address in ``--metrics HOST:PORT``.
 
     Raises ``ValueError`` for a malformed one, and for one beyond this machine without ``bundle``.
     """
-    parts = _ADDRESS.fullmatch(text)
-    if parts is None or int(parts["port"]) > 65_535:
-        raise ValueError(f"--metrics {text!r}: write HOST:PORT, as in 127.0.0.1:9464")
-    host = parts["host"].strip("[]")
-    if bundle is None and not _is_loopback(host):
+    address = listening_address("--metrics", text, "127.0.0.1:9464")
+    if bundle is None and not address.is_local:
         raise ValueError(
             f"--metrics {text!r}: beyond this machine figures are only told encrypted, to those "
             "with a certificate; give --keys as well, or use 127.0.0.1:PORT"
         )
-    return Address(host, int(parts["port"]))
+    return address
 
 
 @contextmanager
@@ -86,7 +74,7 @@ def served(address: Address, pages: Mapping[str, Page], bundle: Bundle | None) -
     Beyond this machine with TLS, and client certificates by the authority of ``bundle``. Raises
     ``OSError`` if nobody can listen there.
     """
-    context = None if bundle is None or _is_loopback(address.host) else _tls(bundle)
+    context = None if bundle is None or address.is_local else _tls(bundle)
     try:
         server = _Server(address, pages, context)
     except OSError as error:
@@ -102,13 +90,6 @@ def served(address: Address, pages: Mapping[str, Page], bundle: Bundle | None) -
         server.shutdown()
         thread.join()
         server.server_close()
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _tls(bundle: Bundle) -> ssl.SSLContext:

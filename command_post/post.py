@@ -29,7 +29,9 @@ from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.safekeeping import Safekeeping
 from command_post.station_notice import StationNotice
+from command_post.strangers import Strangers
 from command_post.voice import Voice
+from command_post.web.page import Page
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
@@ -97,6 +99,7 @@ class Post:
         meet: Callable[[Identity], object] = lambda _: None,
         sign: Sign | None = None,
         metrics: Metrics | None = None,
+        page: Page | None = None,
         remarks: Sequence[str] = (),
         checkpoints: Checkpoints | None = None,
         stations: StationTable | None = None,
@@ -105,7 +108,8 @@ class Post:
 
         ``gate``: what lets messages in; without one, everybody is believed. ``outbox``: what seals
         what the post says. ``meet``: asks a node that comes who it is. ``sign``: signs what the
-        post answers. ``metrics``: who is told of all that the post counts. ``remarks``: what the
+        post answers. ``metrics``: who is told of all that the post counts. ``page``: where
+        people see it, and ask for what they want. ``remarks``: what the
         roster is to say of how it was begun. ``checkpoints``: keep the post's state now and then.
         ``stations``: whose radio is whose, to be told to DAPs and responders' units.
         """
@@ -129,6 +133,8 @@ class Post:
         self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
         self._metrics = metrics
+        self._page = page
+        self._strangers = Strangers()
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._company = Company(bus, name, post_id, meet, self._hear)
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
@@ -200,6 +206,7 @@ class Post:
             self._handle_all(heard)
             if not heard:
                 self._pass_time()
+            self._heed_page()
             self._give_receipts()
             self._keep_state()
             if time.monotonic() >= next_show_s:
@@ -234,8 +241,14 @@ class Post:
     def _tell_figures(self) -> None:
         roster = self.roster(self._clock.now_ns())
         self._show(roster)
+        if self._page is not None:
+            self._page.show(roster)
         if self._metrics is not None:
             self._metrics.show(self._figures(roster))
+        for key, payload in self._strangers.noticed(
+            self._gate.turned, self._incident, roster.now_ns
+        ):
+            self._take_own(key, payload)
 
     def _figures(self, roster: Roster) -> Figures:
         estimates = self._incident.estimates.items()
@@ -319,10 +332,22 @@ class Post:
     def _has_room(self) -> bool:
         return len(self._inbox) < MOST_WAITING
 
+    def _heed_page(self) -> None:
+        """Do what people at the page ask for: they were let in there."""
+        if self._page is not None:
+            for key, payload in self._page.take_requests():
+                self._take_own(key, payload)
+
+    def _take_own(self, key: str, payload: bytes) -> None:
+        now_ns = self._handled_at_ns(self._clock.now_ns())
+        self._publish(self._recorded.handle(key, payload, now_ns))
+
     def _publish(self, outgoing: Sequence[Outgoing]) -> None:
         for key, payload in self._voice.say(outgoing):
             if self._metrics is not None:
                 self._metrics.published(key, payload, self._clock.now_ns())
+            if self._page is not None:
+                self._page.published(key, payload)
 
     def _repeat_orders(self) -> None:
         """Say again what somebody who is alive has not acknowledged."""

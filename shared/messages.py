@@ -62,14 +62,19 @@ Activity: TypeAlias = Literal[
 """What a wearer does over an increment. Lying still and falling are alarms, not movements."""
 
 TrackStatus: TypeAlias = Literal["tracking", "dead_reckoning", "lost", "recovering"]
-AlarmKind: TypeAlias = Literal["motionless", "fall"]
+AlarmKind: TypeAlias = Literal["motionless", "fall", "mayday"]
 AlarmPhase: TypeAlias = Literal["pre_alarm", "alarm", "cancelled"]
+AlertKind: TypeAlias = AlarmKind | Literal["lost_contact", "doubt", "intruder"]
+"""What a commander is alerted to: a unit's alarm, silence, what the fusion doubts, a stranger."""
+
+AlertStage: TypeAlias = Literal["raised", "acknowledged", "assigned", "resolved"]
 UNKNOWN_FACING_SD_RAD = 1.81
 """Standard deviation of a direction of which nothing is known: π/√3, uniform around the circle."""
 
 HealthLevel: TypeAlias = Literal["ok", "warning", "fault"]
 OrderKind: TypeAlias = Literal["evacuate", "roll_call", "message"]
-Words: TypeAlias = Annotated[str, Meta(min_length=1, max_length=200)]
+MOST_WORDS = 200
+Words: TypeAlias = Annotated[str, Meta(min_length=1, max_length=MOST_WORDS)]
 
 RunId: TypeAlias = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$")]
 """Names a run of numbers (``shared.seal``), in hexadecimal: a journal's, or a process's."""
@@ -440,6 +445,40 @@ class OrderReply(Message, frozen=True, kw_only=True):
     post_id: NodeId
     order_sequence: Sequence
     stage: Literal["received", "acknowledged"]
+
+
+class Alert(Message, frozen=True, kw_only=True):
+    """How something that the commander is alerted to stands, since ``event_time_ns``.
+
+    ``number`` names it at its post. ``since_ns`` is when it was raised. ``by`` is who brought it
+    to its ``stage``, ``None`` for the post itself; ``assigned_to`` whom it was given to.
+    """
+
+    number: Sequence
+    kind: AlertKind
+    role: Literal["responder", "dap", "post"]
+    node_id: NodeId
+    since_ns: TimeNs
+    stage: AlertStage
+    words: Annotated[str, Meta(max_length=MOST_WORDS)]
+    by: NodeId | None
+    assigned_to: NodeId | None
+
+
+class AlertRequest(Message, frozen=True, kw_only=True):
+    """Somebody at the post acknowledges, assigns (to ``assigned_to``) or resolves an alert."""
+
+    number: Sequence
+    stage: Literal["acknowledged", "assigned", "resolved"]
+    assigned_to: NodeId | None
+
+
+class StrangerNoticed(Message, frozen=True, kw_only=True):
+    """The post's gate turns away what is said in a node's name, and why."""
+
+    role: Literal["responder", "dap", "post"]
+    node_id: NodeId
+    words: Words
 
 
 class ExerciseStart(Message, frozen=True, kw_only=True):

@@ -11,6 +11,8 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from shared.messages import (
     Alarm,
+    Alert,
+    AlertRequest,
     Beat,
     Contact,
     DapEstimate,
@@ -33,6 +35,7 @@ from shared.messages import (
     RssiReport,
     SetDownHere,
     StationTable,
+    StrangerNoticed,
     TrackEstimate,
     TrackStart,
     Truth,
@@ -88,6 +91,9 @@ TOPICS: dict[str, Topic] = {
         Topic("order_request", OrderRequest, ("post",), 0.0, "high", True, False),
         Topic("order_answer", OrderAnswer, ("post",), 0.0, "high", True, False),
         Topic("order_reply", OrderReply, ("responder",), 0.0, "high", True, True),
+        Topic("alert", Alert, ("post",), 0.0, "high", True, False),
+        Topic("alert_request", AlertRequest, ("post",), 0.0, "high", True, False),
+        Topic("stranger", StrangerNoticed, ("post",), 0.0, "high", True, False),
         Topic("exercise", ExerciseStart, ("post",), 0.0, "high", True, False),
         Topic("truth", Truth, ("responder", "dap"), 2.0, "low", True, False),
     )

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import (
     Alarm,
+    Alert,
+    AlertRequest,
     Beat,
     ClockSpan,
     ClockStatement,
@@ -35,6 +37,7 @@ from shared.messages import (
     SafeUpTo,
     SetDownHere,
     StationTable,
+    StrangerNoticed,
     TrackEstimate,
     TrackStart,
     Truth,
@@ -164,6 +167,20 @@ def one_of_each() -> dict[str, Message]:
             **common, commander_id="c", request_sequence=2, refusal="nobody", waited_for=("r1",)
         ),
         "order_reply": OrderReply(**common, post_id="p", order_sequence=2, stage="received"),
+        "alert": Alert(
+            **common,
+            number=4,
+            kind="fall",
+            role="responder",
+            node_id="r1",
+            since_ns=5,
+            stage="assigned",
+            words="has fallen",
+            by="c",
+            assigned_to="r2",
+        ),
+        "alert_request": AlertRequest(**common, number=4, stage="acknowledged", assigned_to=None),
+        "stranger": StrangerNoticed(**common, role="dap", node_id="d1", words="not signed"),
         "exercise": ExerciseStart(**common, scenario="course", seed=7, speed=10.0),
         "truth": Truth(**common, north_m=1.0, east_m=2.0, down_m=0.0),
     }

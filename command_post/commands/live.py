@@ -31,6 +31,7 @@ from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
 from command_post.roster import Roster
 from command_post.table import roster_table
+from command_post.web.server import page_address, page_served
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
 from shared.config import ConfigError, checked
@@ -79,6 +80,8 @@ def run(
     stations: Path | None = None,
     table: bool = False,
     metrics: str | None = None,
+    page: str | None = None,
+    people: Path | None = None,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -117,6 +120,11 @@ def run(
         Show the roster on standard output.
     metrics
         HOST:PORT where the post tells how it fares: /metrics for Prometheus, /roster as JSON.
+    page
+        HOST:PORT where people see the incident in a browser, as in 127.0.0.1:8080.
+    people
+        File of those who may sign in at the page ('command-post people' makes it). Without one
+        the page is for this machine alone, and whoever sits there commands.
     await_start
         Take the time from the exercise's start, once it is given.
     with_parent
@@ -138,6 +146,7 @@ def run(
         )
         bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
         address = None if metrics is None else metrics_address(metrics, bundle)
+        shown_at = None if page is None else page_address(page, bundle, people)
         with ended_by_signals():
             make_ready(settings.fusion)
         listened = [listen or local_endpoint(bundle)]
@@ -155,6 +164,7 @@ def run(
                 Recorder(record, metadata, resume=True) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
+                page_served(shown_at, incident, post_id, bundle, people) as served,
             ):
                 state = checkpoint_path(record)
                 part = recorder.unfinished
@@ -166,7 +176,7 @@ def run(
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=introductions.meet, sign=None if bundle is None else bundle.sign,
-                    metrics=figures, remarks=() if refused is None else (refused,),
+                    metrics=figures, page=served, remarks=() if refused is None else (refused,),
                     checkpoints=Checkpoints(state, recorder), stations=listed,
                 )  # fmt: skip
                 if part is not None:

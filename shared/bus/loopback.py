@@ -13,3 +13,13 @@ def free_ports(count: int) -> list[int]:
     finally:
         for each in held:
             each.close()
+
+
+def free_port(wished: int) -> int:
+    """Return the ``wished`` port of this machine, or another that is free if that one is taken."""
+    with socket.socket() as one:
+        try:
+            one.bind(("127.0.0.1", wished))
+        except OSError:
+            return free_ports(1)[0]
+    return wished

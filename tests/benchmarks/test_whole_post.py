@@ -23,9 +23,10 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from command_post.announcer import Outgoing
 from command_post.fusion.methods import prepare_fusion
 from command_post.fusion.time_line import TimeLineSettings
-from command_post.incident import Incident, IncidentSettings, Outgoing
+from command_post.incident import Incident, IncidentSettings
 from command_post.recording import Outgoing as MadeOutgoing
 from command_post.recording import RecordedIncident
 from command_post.recording_file import RecordingFile

@@ -11,8 +11,9 @@ import pytest
 import zstandard
 
 from command_post import checkpoint
+from command_post.announcer import Outgoing
 from command_post.checkpoint import Checkpoints, Kept, State, checkpoint_path, load
-from command_post.incident import Incident, IncidentSettings, Outgoing
+from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident, Recorder
 from command_post.resume import resume
 from shared.codec import encode

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from command_post import incident as incident_module
+from command_post.announcer import Outgoing
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
-from command_post.incident import Incident, IncidentSettings, Notice, Outgoing
+from command_post.incident import Incident, IncidentSettings, Notice
 from shared.codec import decode, encode, parse_key
 from shared.messages import (
     DapEstimate,

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from command_post import metrics_server
 from command_post.figures import Figures, by_reason
 from command_post.freshness import Freshness
+from command_post.listening import Address
 from command_post.metrics import MOST_NODES_SHOWN, Metrics
-from command_post.metrics_server import Address, metrics_address, told
+from command_post.metrics_server import metrics_address, told
 from command_post.recording import RecorderStatus
 from command_post.roster import Roster
 from shared.bus.loopback import free_ports
@@ -148,7 +148,7 @@ def test_who_asks_and_says_nothing_keeps_nobody_waiting() -> None:
 def test_beyond_this_machine_only_those_with_a_certificate_are_answered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(metrics_server, "_is_loopback", lambda _: False)
+    monkeypatch.setattr(Address, "is_local", property(lambda _: False))
     keys = Keys(tmp_path / "keys", ("post", "commander"))
     where = Address("127.0.0.1", *free_ports(1))
     url = f"https://{where.host}:{where.port}/roster"

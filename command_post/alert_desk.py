@@ -1,0 +1,218 @@
+"""What the commander is alerted to, and how each alert stands (pure).
+
+Alerts are few and each is told once: a unit's alarm, a node that beats and falls silent, what the
+fusion comes to doubt, a stranger at the gate. One is *raised*; people acknowledge it, assign it,
+resolve it. What is over by itself resolves itself. Nothing here runs on its own: time is what the
+caller says it is, and what was due before is dated by when it was due.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import OrderedDict
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import NamedTuple, TypeAlias
+
+import msgspec
+
+from shared.messages import (
+    MOST_WORDS,
+    Alarm,
+    Alert,
+    AlertKind,
+    AlertRequest,
+    AlertStage,
+    Beat,
+    Message,
+    NodeId,
+    StrangerNoticed,
+)
+from shared.topics import Role
+from shared.units import NS_PER_S
+
+Node: TypeAlias = tuple[Role, str]
+
+SILENT_NS = 10 * NS_PER_S
+"""A node beats once a second: one that is not heard for so long has lost contact."""
+
+HOLDS_SILENT = 20
+"""In an exercise in a hurry beats are rarer: so many holds, if that is longer."""
+
+MOST_ALERTS = 1000
+"""More that are resolved are forgotten, the oldest first."""
+
+_WORDS: dict[str, str] = {
+    "motionless": "does not move",
+    "fall": "has fallen",
+    "mayday": "calls mayday",
+}
+
+
+class Known(NamedTuple):
+    """A doubt of the fusion's, as far as an alert tells it."""
+
+    kind: str
+    role: Role
+    node_id: str
+    words: str
+
+
+class AlertDesk:
+    """Raises alerts and follows them. What has changed is returned, to be published."""
+
+    def __init__(self, hold_ns: int) -> None:
+        self._silent_ns = max(SILENT_NS, HOLDS_SILENT * hold_ns)
+        self._alerts: OrderedDict[int, Alert] = OrderedDict()
+        self._open: dict[tuple[str, Node], int] = {}
+        """What stands, by what it is about (a kind, or a kind of doubt) and whom."""
+
+        self._settled: dict[tuple[str, Node], str] = {}
+        """What somebody has resolved and is not over: its words, so that repeats alert nobody."""
+
+        self._next_number = 0
+        self._heard_ns: dict[Node, int] = {}
+        self._deadlines: list[tuple[int, Node]] = []
+
+    @property
+    def alerts(self) -> Mapping[int, Alert]:
+        """All alerts by number, resolved ones too, in the order in which they were raised."""
+        return MappingProxyType(self._alerts)
+
+    @property
+    def due_ns(self) -> int | None:
+        """When a node may have been silent for too long next."""
+        return self._deadlines[0][0] if self._deadlines else None
+
+    def pass_time(self, now_ns: int) -> list[Alert]:
+        """Return the alerts to those who have fallen silent by ``now_ns``."""
+        changed = []
+        while self._deadlines and self._deadlines[0][0] <= now_ns:
+            due_ns, node = heapq.heappop(self._deadlines)
+            heard_until_ns = self._heard_ns[node] + self._silent_ns
+            if heard_until_ns > due_ns:
+                heapq.heappush(self._deadlines, (heard_until_ns, node))
+            else:
+                words = f"nothing heard for {self._silent_ns / NS_PER_S:.0f} s"
+                del self._heard_ns[node]
+                changed += self._raise("lost_contact", "lost_contact", node, due_ns, words)
+        return changed
+
+    def hear(self, node: Node, message: Message, now_ns: int) -> list[Alert]:
+        """Take in what a node says at ``now_ns``: that it is there, and perhaps an alarm."""
+        changed = []
+        if node in self._heard_ns:
+            self._heard_ns[node] = now_ns
+        elif isinstance(message, Beat):
+            # Who beats is watched from now on; a recording without beats alerts to nobody.
+            self._heard_ns[node] = now_ns
+            heapq.heappush(self._deadlines, (now_ns + self._silent_ns, node))
+            changed += self._over("lost_contact", node, now_ns, "heard again")
+        if isinstance(message, Alarm):
+            changed += self._take_alarm(node, message, now_ns)
+        return changed
+
+    def notice(self, stranger: StrangerNoticed, now_ns: int) -> list[Alert]:
+        """Take in that the gate turns somebody away."""
+        node = (stranger.role, stranger.node_id)
+        return self._raise("intruder", "intruder", node, now_ns, stranger.words)
+
+    def doubt(self, doubts: Iterable[Known], now_ns: int) -> list[Alert]:
+        """Take in all that the fusion doubts at ``now_ns``."""
+        changed, standing = [], set()
+        for doubt in doubts:
+            about = (f"doubt_{doubt.kind}", (doubt.role, doubt.node_id))
+            standing.add(about)
+            changed += self._raise(about[0], "doubt", about[1], now_ns, doubt.words)
+        for name, node in [*self._open, *self._settled]:
+            if name.startswith("doubt_") and (name, node) not in standing:
+                changed += self._over(name, node, now_ns, "no longer doubted")
+        return changed
+
+    def request(self, by: NodeId, request: AlertRequest, now_ns: int) -> list[Alert]:
+        """Do what somebody requests of an alert that stands; nothing of any other."""
+        alert = self._alerts.get(request.number)
+        if alert is None or alert.stage == "resolved":
+            return []
+        assigned_to = request.assigned_to or alert.assigned_to
+        if request.stage == "assigned" and assigned_to is None:
+            return []
+        return self._turn(alert, request.stage, now_ns, by=by, assigned_to=assigned_to)
+
+    def _take_alarm(self, node: Node, alarm: Alarm, now_ns: int) -> list[Alert]:
+        if alarm.phase == "cancelled":
+            return self._over(alarm.kind, node, now_ns, alarm.reason)
+        soon = " (warning)" if alarm.phase == "pre_alarm" else ""
+        words = f"{_WORDS[alarm.kind]}{soon}: {alarm.reason}"
+        return self._raise(alarm.kind, alarm.kind, node, now_ns, words)
+
+    def _raise(
+        self, name: str, kind: AlertKind, node: Node, now_ns: int, words: str
+    ) -> list[Alert]:
+        """Raise an alert; one that stands already is raised again where it says something else."""
+        number = self._open.get((name, node))
+        if number is not None:
+            alert = self._alerts[number]
+            worse = alert.words != words[:MOST_WORDS] and kind in _WORDS
+            return self._turn(alert, "raised", now_ns, words=words) if worse else []
+        if self._settled.get((name, node)) == words:
+            return []
+        self._settled.pop((name, node), None)
+        alert = Alert(
+            event_time_ns=now_ns,
+            sequence=0,
+            number=self._next_number,
+            kind=kind,
+            role=node[0],
+            node_id=node[1],
+            since_ns=now_ns,
+            stage="raised",
+            words=words[:MOST_WORDS],
+            by=None,
+            assigned_to=None,
+        )
+        self._next_number += 1
+        self._open[name, node] = alert.number
+        self._alerts[alert.number] = alert
+        self._forget()
+        return [alert]
+
+    def _over(self, name: str, node: Node, now_ns: int, words: str) -> list[Alert]:
+        self._settled.pop((name, node), None)
+        number = self._open.get((name, node))
+        if number is None:
+            return []
+        return self._turn(self._alerts[number], "resolved", now_ns, words=words)
+
+    def _turn(
+        self,
+        alert: Alert,
+        stage: AlertStage,
+        now_ns: int,
+        *,
+        by: NodeId | None = None,
+        words: str | None = None,
+        assigned_to: NodeId | None = None,
+    ) -> list[Alert]:
+        turned = msgspec.structs.replace(
+            alert,
+            event_time_ns=now_ns,
+            stage=stage,
+            by=by,
+            words=alert.words if words is None else words[:MOST_WORDS],
+            assigned_to=assigned_to or alert.assigned_to,
+        )
+        self._alerts[alert.number] = turned
+        if stage == "resolved":
+            about = next(about for about, number in self._open.items() if number == alert.number)
+            del self._open[about]
+            if by is not None:
+                self._settled[about] = alert.words
+        return [turned]
+
+    def _forget(self) -> None:
+        if len(self._alerts) <= MOST_ALERTS:
+            return
+        oldest = next((one for one in self._alerts.values() if one.stage == "resolved"), None)
+        if oldest is not None:
+            del self._alerts[oldest.number]

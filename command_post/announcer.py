@@ -1,0 +1,81 @@
+"""What an incident says, as messages of its post: numbered, and under the post's keys (pure)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import NamedTuple
+
+import msgspec
+
+from command_post.fusion.dap_map import InstalledDap
+from command_post.fusion.track import Estimate
+from shared.codec import encode
+from shared.messages import Alert, DapEstimate, Message, NodeId, TrackEstimate
+from shared.topics import Key
+
+
+class Outgoing(NamedTuple):
+    """A message to publish."""
+
+    key: str
+    payload: bytes
+
+
+class Announcer:
+    """Makes what a post publishes."""
+
+    def __init__(self, incident: NodeId, post_id: NodeId) -> None:
+        self._incident = incident
+        self._post_id = post_id
+        self._sequences: Counter[str] = Counter()
+
+    def next_sequence(self, topic: str) -> int:
+        """Return the number of the next message of ``topic``, and count it."""
+        number = self._sequences[topic]
+        self._sequences[topic] += 1
+        return number
+
+    def outgoing(self, message: Message, topic: str) -> Outgoing:
+        """Return a message as it is to be published."""
+        key = Key(self._incident, "post", self._post_id, topic)
+        return Outgoing(str(key), encode(message))
+
+    def alert(self, alert: Alert) -> Outgoing:
+        """Say how an alert stands."""
+        numbered = msgspec.structs.replace(alert, sequence=self.next_sequence("alert"))
+        return self.outgoing(numbered, "alert")
+
+    def track(self, responder_id: str, estimate: Estimate) -> Outgoing:
+        """Say where a responder is held to be."""
+        return self.outgoing(
+            TrackEstimate(
+                event_time_ns=estimate.time_ns,
+                sequence=self.next_sequence("track"),
+                responder_id=responder_id,
+                north_m=estimate.north_m,
+                east_m=estimate.east_m,
+                down_m=estimate.down_m,
+                covariance_m2=estimate.covariance_m2,
+                heading_rad=estimate.heading_rad,
+                heading_sd_rad=estimate.heading_sd_rad,
+                last_proximity_time_ns=estimate.last_proximity_time_ns,
+                down_sd_m=estimate.down_sd_m,
+                regions_m=estimate.regions_m,
+                floors=estimate.floors,
+                status=estimate.status,
+                reason=estimate.reason,
+            ),
+            "track",
+        )
+
+    def dap_place(self, dap_id: str, dap: InstalledDap, said_ns: int) -> Outgoing:
+        """Say where a DAP stands since ``said_ns``: the time that it gave its installation."""
+        return self.outgoing(
+            DapEstimate(
+                event_time_ns=said_ns,
+                sequence=self.next_sequence("dap_place"),
+                dap_id=dap_id,
+                position=dap.position,
+            ),
+            "dap_place",
+        )

@@ -1,0 +1,1 @@
+"""The commander's page: what is shown (pure), who may see and do what, and the server."""

@@ -1,0 +1,196 @@
+"""What the page shows, as it is now (pure): tracks with the ways behind them, roster, alerts.
+
+Whoever watches asks for what has changed since they last asked. However slow they are, they get the
+newest of each, and nobody waits for them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple, TypeAlias
+
+import msgspec
+
+from command_post.confidence import CHI_SQUARE_95, axes95
+from command_post.floors import Floor, floors_of
+from command_post.roster import ResponderRow, Roster
+from shared.codec import Refusal, decode, parse_key
+from shared.messages import Alert, NodeId, OrderAnswer, Outline, TrackEstimate, TrackStatus
+from shared.units import NS_PER_S
+
+SILENCE_S = 20.0
+SILENT_SPEED_M_S = 0.5
+"""Who is not heard for longer than that may have gone on so fast (as the team's fusion has it)."""
+
+TRAIL_POINTS = 300
+TRAIL_SPACING_M = 0.5
+"""Points of a way behind somebody: so many, so far apart at least; the oldest go first."""
+
+MOST_ANSWERS = 64
+
+Point: TypeAlias = tuple[float, float, float]
+"""North, east and down, m."""
+
+
+class TrackView(msgspec.Struct, frozen=True):
+    """Where a responder is held to be at ``time_ns``, for who draws it.
+
+    ``axes95_m`` are the semi-axes of the 95 % ellipse, the longer first; ``bearing_rad`` is which
+    way the longer runs, clockwise from north. Where ``regions_m`` are given they hold the 95 %.
+    ``floor_down_m`` is the likeliest floor, as probable as ``floor_probability``.
+    """
+
+    responder_id: NodeId
+    time_ns: int
+    north_m: float
+    east_m: float
+    down_m: float
+    axes95_m: tuple[float, float]
+    bearing_rad: float
+    regions_m: tuple[Outline, ...]
+    heading_rad: float
+    heading_sd_rad: float
+    status: TrackStatus
+    reason: str
+    floor_down_m: float
+    floor_probability: float
+
+
+class _Told(NamedTuple):
+    """A track as it was published, and when (post's clock)."""
+
+    view: TrackView
+    at_ns: int
+
+
+class Changes(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What has changed up to ``version``. ``trails`` only where they are given whole."""
+
+    version: int
+    tracks: list[TrackView] = []
+    alerts: list[Alert] = []
+    answers: list[OrderAnswer] = []
+    roster: msgspec.Raw | None = None
+    floors: list[Floor] | None = None
+    trails: dict[NodeId, list[Point]] | None = None
+
+
+class Board:
+    """Takes in what the post publishes and its roster; tells what has changed since a version.
+
+    Version 0 is before everything. One thread at a time: the server sees to that.
+    """
+
+    def __init__(self) -> None:
+        self.version = 0
+        self._now_ns = 0
+        self._told: dict[NodeId, _Told] = {}
+        self._tracks: dict[NodeId, tuple[int, TrackView]] = {}
+        self._trails: dict[NodeId, deque[Point]] = {}
+        self._alerts: dict[int, tuple[int, Alert]] = {}
+        self._answers: deque[tuple[int, OrderAnswer]] = deque(maxlen=MOST_ANSWERS)
+        self._roster: tuple[int, msgspec.Raw] = (0, msgspec.Raw(b"null"))
+        self._floors: tuple[int, list[Floor]] = (0, [])
+
+    def publish(self, key_text: str, payload: bytes) -> None:
+        """Take in a message that the post has published; what the page does not show is passed."""
+        key = parse_key(key_text)
+        if isinstance(key, Refusal) or key.topic not in ("track", "alert", "order_answer"):
+            return
+        message = decode(key, payload)
+        if isinstance(message, Refusal):
+            return
+        self.version += 1
+        match message:
+            case TrackEstimate():
+                view = _view(message)
+                self._told[message.responder_id] = _Told(view, self._now_ns)
+                self._tracks[message.responder_id] = (self.version, view)
+                self._lengthen(message)
+            case Alert():
+                self._alerts[message.number] = (self.version, message)
+            case OrderAnswer():
+                self._answers.append((self.version, message))
+
+    def show(self, roster: Roster, encoded: bytes) -> None:
+        """Take in the roster, and as it was ``encoded`` in JSON."""
+        self.version += 1
+        self._now_ns = roster.now_ns
+        self._roster = (self.version, msgspec.Raw(encoded))
+        self._grow(roster.responders)
+        floors = floors_of(
+            [*(view.floor_down_m for _, view in self._tracks.values()),
+             *(dap.position.down_m for dap in roster.daps if dap.position is not None)]
+        )  # fmt: skip
+        if floors != self._floors[1]:
+            self._floors = (self.version, floors)
+
+    def alerts(self) -> Mapping[int, Alert]:
+        """Return all alerts, by number."""
+        return {number: alert for number, (_, alert) in self._alerts.items()}
+
+    def since(self, version: int) -> Changes:
+        """Return what has changed since ``version``; since 0, everything, and trails whole."""
+        whole = version == 0
+        changed_floors, floors = self._floors
+        return Changes(
+            self.version,
+            tracks=[view for changed, view in self._tracks.values() if changed > version],
+            alerts=[alert for changed, alert in self._alerts.values() if changed > version],
+            answers=[one for changed, one in self._answers if changed > version and not whole],
+            roster=self._roster[1] if self._roster[0] > version else None,
+            floors=floors if changed_floors > version else None,
+            trails={name: list(way) for name, way in self._trails.items()} if whole else None,
+        )
+
+    def _grow(self, rows: Iterable[ResponderRow]) -> None:
+        """Have those who are not heard be somewhere in a region that grows."""
+        for row in rows:
+            told = self._told.get(row.responder_id)
+            if told is None or row.status != "lost" or row.heard_age_s is None:
+                continue
+            since_s = (self._now_ns - told.at_ns) / NS_PER_S
+            grown_m2 = _silent_m2(row.heard_age_s) - _silent_m2(row.heard_age_s - since_s)
+            longer_m, shorter_m = (
+                math.sqrt(axis_m**2 + CHI_SQUARE_95 * grown_m2) for axis_m in told.view.axes95_m
+            )
+            view = msgspec.structs.replace(
+                told.view, axes95_m=(longer_m, shorter_m), status="lost", reason=row.reason
+            )
+            self._tracks[row.responder_id] = (self.version, view)
+
+    def _lengthen(self, track: TrackEstimate) -> None:
+        way = self._trails.setdefault(track.responder_id, deque(maxlen=TRAIL_POINTS))
+        place = (track.north_m, track.east_m, track.down_m)
+        if not way or max(abs(a - b) for a, b in zip(place, way[-1], strict=True)) >= (
+            TRAIL_SPACING_M
+        ):
+            way.append(place)
+
+
+def _silent_m2(silent_s: float) -> float:
+    """Return the variance each way of where somebody is who has not been heard for so long."""
+    return (SILENT_SPEED_M_S * max(silent_s - SILENCE_S, 0.0)) ** 2
+
+
+def _view(track: TrackEstimate) -> TrackView:
+    longer_m, shorter_m, bearing_rad = axes95(track.covariance_m2)
+    floor = track.floors[0] if track.floors else None
+    return TrackView(
+        responder_id=track.responder_id,
+        time_ns=track.event_time_ns,
+        north_m=track.north_m,
+        east_m=track.east_m,
+        down_m=track.down_m,
+        axes95_m=(longer_m, shorter_m),
+        bearing_rad=bearing_rad,
+        regions_m=track.regions_m,
+        heading_rad=track.heading_rad,
+        heading_sd_rad=track.heading_sd_rad,
+        status=track.status,
+        reason=track.reason,
+        floor_down_m=track.down_m if floor is None else floor.down_m,
+        floor_probability=1.0 if floor is None else floor.probability,
+    )

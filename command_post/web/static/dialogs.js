@@ -1,0 +1,63 @@
+// What is asked before something is done: whom to order what, whom to give an alert to, who one is.
+import * as post from "./post.js";
+import { word } from "./words.js";
+
+const $ = (id) => document.getElementById(id);
+
+/** Ask whom to order `kind`; those in `chosen` are ticked already. */
+export function askOrder(kind, ids, chosen) {
+  const everybody = kind === "evacuate";
+  $("order-title").textContent = word(kind);
+  $("order-send").textContent = word(kind === "message" ? "send" : kind);
+  $("order-text-label").hidden = kind === "roll_call";
+  $("order-text").value = "";
+  $("order-problem").textContent = "";
+  const boxes = [...(everybody ? [["", word("everybody"), true]] : []),
+    ...ids.map((id) => [id, id, chosen.has(id)])];
+  $("order-to").replaceChildren(...boxes.map(([id, text, ticked]) => {
+    const label = document.createElement("label");
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: id, checked: ticked });
+    label.append(box, text);
+    return label;
+  }));
+  $("order-send").onclick = () => sendOrder(kind);
+  $("order-dialog").showModal();
+}
+
+async function sendOrder(kind) {
+  const ticked = [...$("order-to").querySelectorAll("input:checked")].map((box) => box.value);
+  const text = $("order-text").value.trim();
+  if (!ticked.length) { $("order-problem").textContent = word("nobody"); return; }
+  if (kind === "message" && !text) { $("order-problem").textContent = word("text_needed"); return; }
+  try {
+    await post.order(kind, ticked.includes("") ? [] : ticked, text);
+    $("order-dialog").close();
+  } catch (error) {
+    $("order-problem").textContent = `${word("refused")} ${error.message}`;
+  }
+}
+
+/** Ask whom to give an alert to; `chosen` is called with the id. */
+export function askAssign(ids, chosen) {
+  $("assign-to").replaceChildren(...ids.map((id) => Object.assign(document.createElement("button"), {
+    type: "button", textContent: id, onclick: () => { $("assign-dialog").close(); chosen(id); },
+  })));
+  $("assign-dialog").showModal();
+}
+
+/** Ask who one is, until that is right; then call `entered`. */
+export function askWho(entered) {
+  $("sign-in-form").onsubmit = async (event) => {
+    event.preventDefault();
+    try {
+      await post.signIn($("name").value, $("password").value);
+      $("password").value = "";
+      $("sign-in-dialog").close();
+      entered();
+    } catch (error) {
+      $("sign-in-problem").textContent = error.message;
+    }
+  };
+  $("sign-in-dialog").oncancel = (event) => event.preventDefault();
+  $("sign-in-dialog").showModal();
+}

@@ -1,0 +1,152 @@
+// The commander's page: follows the post, draws what has changed once a frame, asks for what is wanted.
+import { askAssign, askOrder, askWho } from "./dialogs.js";
+import { MapView } from "./map.js";
+import { Model } from "./model.js";
+import { showAlerts, showDaps, showFloors, showPeople } from "./panels.js";
+import * as post from "./post.js";
+import { changeLanguage, changeUnits, duration, word, writeWords } from "./words.js";
+
+const RANKS = { viewer: 0, operator: 1, commander: 2 };
+const $ = (id) => document.getElementById(id);
+const model = new Model();
+let me = {};
+let view = null;
+let chosenFloor = null;
+let due = { tracks: false, panels: false };
+let lostSince = null;
+let drawnFirst = false;
+const seen = new Set();
+
+const may = (role) => RANKS[me.role] >= RANKS[role];
+
+function draw() {
+  const now = due;
+  due = { tracks: false, panels: false };
+  if (now.tracks) view.drawTracks();
+  if (now.panels) {
+    view.drawDaps();
+    drawPanels();
+  }
+  if (!drawnFirst && model.tracks.size) {
+    drawnFirst = true;
+    view.fit();
+  }
+}
+
+function drawPanels() {
+  showFloors(model, chosenFloor, chooseFloor);
+  showAlerts(model, may("operator"), { turn, assign });
+  showPeople(model, { centre: (id) => view.centre(id) });
+  showDaps(model);
+  const remarks = (model.roster?.remarks ?? []).join(" · ");
+  $("link").title = remarks;
+}
+
+function ask(what) {
+  if (!due.tracks && !due.panels) requestAnimationFrame(draw);
+  due = { tracks: due.tracks || what.tracks, panels: due.panels || what.panels };
+}
+
+function take(changes) {
+  model.take(changes);
+  soundNew(changes.alerts ?? [], Boolean(changes.trails));
+  const panels = Boolean(changes.roster || changes.alerts?.length || changes.floors);
+  ask({ tracks: Boolean(changes.tracks?.length || changes.trails), panels });
+}
+
+/** Sound each new alert once, and have it read out; not those that stood before we came. */
+function soundNew(alerts, before) {
+  for (const alert of alerts) {
+    const isNew = alert.stage === "raised" && !seen.has(alert.number);
+    seen.add(alert.number);
+    if (!isNew || before) continue;
+    $("new-alert").textContent = `${word(alert.kind)}: ${alert.node_id}. ${alert.words}`;
+    beep();
+  }
+}
+
+function beep() {
+  if (!navigator.userActivation?.hasBeenActive) return;
+  const context = new AudioContext();
+  const tone = new OscillatorNode(context, { frequency: 880 });
+  const volume = new GainNode(context, { gain: 0.2 });
+  tone.connect(volume).connect(context.destination);
+  tone.start();
+  tone.stop(context.currentTime + 0.5);
+  tone.onended = () => context.close();
+}
+
+function linked(isLinked) {
+  lostSince = isLinked ? null : (lostSince ?? Date.now());
+  showLink();
+}
+
+function showLink() {
+  const link = $("link");
+  link.dataset.state = lostSince === null ? (model.roster ? "live" : "waiting") : "lost";
+  link.textContent = lostSince === null
+    ? word(model.roster ? "live" : "waiting")
+    : `${word("lost_link")} ${duration((Date.now() - lostSince) / 1000)}`;
+}
+
+function chooseFloor(level) {
+  chosenFloor = level;
+  view.showFloor(level);
+  ask({ tracks: false, panels: true });
+}
+
+async function turn(alert, stage, assigned_to = null) {
+  try {
+    await post.turnAlert(alert.number, stage, assigned_to);
+  } catch (error) {
+    $("new-alert").textContent = `${word("refused")} ${error.message}`;
+  }
+}
+
+const ids = () => model.responders().map((row) => row.responder_id);
+const assign = (alert) => askAssign(ids(), (id) => turn(alert, "assigned", id));
+
+function wireButtons() {
+  $("evacuate").onclick = () => askOrder("evacuate", ids(), new Set());
+  // By exception: those of whom it is not known that they are well are asked, the others need not.
+  $("roll-call").onclick = () => askOrder("roll_call", ids(), model.doubtful());
+  $("message").onclick = () => askOrder("message", ids(), new Set());
+  $("fit").onclick = () => view.fit();
+  $("units").onclick = () => { changeUnits(); ask({ tracks: false, panels: true }); };
+  $("language").onclick = () => { changeLanguage(); writeWords(); showLink(); ask({ tracks: false, panels: true }); };
+  $("theme").onclick = () => {
+    const night = document.documentElement.dataset.theme !== "night";
+    localStorage.setItem("theme", night ? "night" : "day");
+    setTheme(night);
+  };
+  $("sign-out").onclick = async () => { await post.signOut(); location.reload(); };
+}
+
+function setTheme(night) {
+  document.documentElement.dataset.theme = night ? "night" : "day";
+  view.readColours();
+}
+
+async function begin() {
+  me = await post.whoAmI();
+  $("incident").textContent = me.incident;
+  document.title = `Clew: ${me.incident}`;
+  if (!me.role) { askWho(begin); return; }
+  $("sign-out").hidden = me.name === "local";
+  $("sign-out").textContent = `${word("sign_out")} (${me.name})`;
+  for (const button of document.querySelectorAll("[data-role]")) button.disabled = !may(button.dataset.role);
+  post.follow(take, linked);
+}
+
+function start() {
+  writeWords();
+  view = new MapView("map", model);
+  const kept = localStorage.getItem("theme");
+  setTheme(kept ? kept === "night" : matchMedia("(prefers-color-scheme: dark)").matches);
+  wireButtons();
+  showLink();
+  setInterval(showLink, 1000);
+  begin();
+}
+
+start();

@@ -1,0 +1,36 @@
+// The way to the post: who we are, what changes, and what is asked for.
+let token = "";
+
+async function talk(path, body) {
+  const answer = await fetch(`api/v1/${path}`, body === undefined ? {} : {
+    method: "POST",
+    headers: { "Content-Type": "application/json", "X-Clew-Token": token },
+    body: JSON.stringify(body),
+  });
+  const told = await answer.json();
+  if (!answer.ok) throw new Error(told.error ?? answer.statusText);
+  return told;
+}
+
+export async function whoAmI() {
+  const me = await talk("me");
+  token = me.token ?? "";
+  return me;
+}
+
+export const signIn = (name, password) => talk("sign-in", { name, password });
+export const signOut = () => talk("sign-out", {});
+export const order = (kind, to, text) => talk("orders", { kind, to, text });
+export const turnAlert = (number, stage, assigned_to = null) =>
+  talk(`alerts/${number}`, { stage, assigned_to });
+
+/** Have `changed` called with what has changed, and `linked` with whether there is a link. */
+export function follow(changed, linked) {
+  const events = new EventSource("api/v1/events");
+  events.addEventListener("changes", (event) => {
+    linked(true);
+    changed(JSON.parse(event.data));
+  });
+  events.addEventListener("open", () => linked(true));
+  events.addEventListener("error", () => linked(false));
+}

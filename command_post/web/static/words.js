@@ -1,0 +1,79 @@
+// What the page says, by language. Words of the post itself (why somebody is lost) come as they are.
+const CATALOGUE = {
+  en: {
+    evacuate: "Evacuate", roll_call: "Roll call", message: "Message", units: "m / ft",
+    theme: "Day / night", language: "한국어", sign_out: "Sign out", sign_in: "Sign in",
+    name: "Name", password: "Password", fit: "Show all", alerts: "Alerts",
+    no_alerts: "Nothing to attend to.", responders: "Responders", daps: "Access points",
+    to_whom: "To whom", text: "Text", cancel: "Cancel", assign: "Assign", floors: "Floors",
+    map: "Map", map_keys: "Map: arrow keys move it, plus and minus zoom", orders: "Orders",
+    settings: "Settings", everybody: "Everybody, also who comes later", all_floors: "All floors",
+    floor: "Floor", waiting: "waiting for the post", live: "live", lost_link: "no link to the post for",
+    acknowledge: "Acknowledge", resolve: "Resolve", raised: "new", acknowledged: "acknowledged",
+    assigned: "assigned to", resolved: "resolved", by: "by", send: "Send", ago: "ago",
+    tracking: "tracked", dead_reckoning: "by own steps", lost: "LOST", recovering: "recovering",
+    no_track: "no track yet", installed: "stands", not_installed: "carried", within: "within",
+    heard: "heard", never: "never heard", not_acknowledged: "has not acknowledged",
+    has_it: "has received", nobody: "Choose somebody.", text_needed: "Write something.",
+    refused: "The post refuses:", evacuating: "Evacuation not acknowledged by",
+    doubtful: "doubtful", inside: "inside", lost_count: "lost", mayday: "MAYDAY", fall: "Fall",
+    motionless: "Motionless", lost_contact: "Lost contact", doubt: "Doubt", intruder: "Intruder",
+  },
+  ko: {
+    evacuate: "대피", roll_call: "인원 점검", message: "메시지", units: "m / ft",
+    theme: "주간 / 야간", language: "English", sign_out: "로그아웃", sign_in: "로그인",
+    name: "이름", password: "비밀번호", fit: "전체 보기", alerts: "경보",
+    no_alerts: "조치할 사항이 없습니다.", responders: "대원", daps: "액세스 포인트",
+    to_whom: "대상", text: "내용", cancel: "취소", assign: "배정", floors: "층",
+    map: "지도", map_keys: "지도: 화살표 키로 이동, + 와 - 로 확대·축소", orders: "지시",
+    settings: "설정", everybody: "전원 (나중에 오는 대원 포함)", all_floors: "모든 층",
+    floor: "층", waiting: "지휘소를 기다리는 중", live: "실시간", lost_link: "지휘소와 연결 끊김",
+    acknowledge: "확인", resolve: "해결", raised: "신규", acknowledged: "확인됨",
+    assigned: "배정됨:", resolved: "해결됨", by: "처리:", send: "보내기", ago: "전",
+    tracking: "추적 중", dead_reckoning: "걸음 추정", lost: "위치 불명", recovering: "복구 중",
+    no_track: "위치 없음", installed: "설치됨", not_installed: "휴대 중", within: "오차",
+    heard: "수신", never: "수신 없음", not_acknowledged: "미확인",
+    has_it: "수신함", nobody: "대상을 선택하십시오.", text_needed: "내용을 입력하십시오.",
+    refused: "지휘소 거부:", evacuating: "대피 미확인 대원",
+    doubtful: "확인 필요", inside: "내부", lost_count: "위치 불명", mayday: "메이데이", fall: "추락·넘어짐",
+    motionless: "움직임 없음", lost_contact: "연락 두절", doubt: "의심", intruder: "침입자",
+  },
+};
+
+const FEET_PER_M = 3.28084;
+let language = localStorage.getItem("language") ?? "en";
+let feet = localStorage.getItem("feet") === "yes";
+
+export const word = (name) => CATALOGUE[language][name] ?? name;
+
+export function changeLanguage() {
+  language = language === "en" ? "ko" : "en";
+  localStorage.setItem("language", language);
+}
+
+export function changeUnits() {
+  feet = !feet;
+  localStorage.setItem("feet", feet ? "yes" : "no");
+}
+
+/** A length in metres, in the units that were chosen. */
+export function length(metres) {
+  const value = feet ? metres * FEET_PER_M : metres;
+  return `${value < 9.95 ? value.toFixed(1) : Math.round(value)} ${feet ? "ft" : "m"}`;
+}
+
+/** How long, in words as short as can be. */
+export function duration(seconds) {
+  if (seconds < 60) return `${Math.floor(seconds)} s`;
+  if (seconds < 3600) return `${Math.floor(seconds / 60)} min`;
+  return `${Math.floor(seconds / 3600)} h ${Math.floor((seconds % 3600) / 60)} min`;
+}
+
+/** Write all words that stand in the page. */
+export function writeWords() {
+  document.documentElement.lang = language;
+  for (const one of document.querySelectorAll("[data-word]")) one.textContent = word(one.dataset.word);
+  for (const one of document.querySelectorAll("[data-label]")) {
+    one.setAttribute("aria-label", word(one.dataset.label));
+  }
+}

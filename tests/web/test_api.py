@@ -1,0 +1,152 @@
+"""The page's HTTP: what there is to see, what may be asked for, and by whom."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import pytest
+from starlette.testclient import TestClient
+
+from command_post.web.app import MOST_BODY_BYTES, Site, make_app
+from command_post.web.page import Page
+from command_post.web.people import Door, Person, Role, hashed
+from shared.codec import decode, parse_key
+from shared.messages import AlertRequest, Message, OrderRequest, PositionFix
+from shared.topics import Key
+
+EVACUATE = {"kind": "evacuate", "to": [], "text": "north door"}
+
+
+def client_of(page: Page, door: Door | None = None) -> TestClient:
+    hosts = frozenset({"testserver"})
+    site = Site("fire", "post", page, door, secure=False, hosts=hosts)
+    return TestClient(make_app(site, lambda: True))
+
+
+@pytest.fixture
+def page() -> Page:
+    return Page("fire")
+
+
+@pytest.fixture
+def local(page: Page) -> Iterator[TestClient]:
+    with client_of(page) as client:
+        client.headers["x-clew-token"] = client.get("/api/v1/me").json()["token"]
+        yield client
+
+
+def asked(page: Page) -> list[tuple[Key, Message]]:
+    found = []
+    for key_text, payload in page.take_requests():
+        key = parse_key(key_text)
+        assert isinstance(key, Key)
+        message = decode(key, payload)
+        assert isinstance(message, Message)
+        found.append((key, message))
+    return found
+
+
+def test_an_order_is_asked_of_the_post_in_the_name_of_who_gives_it(
+    page: Page, local: TestClient
+) -> None:
+    answer = local.post("/api/v1/orders", json=EVACUATE)
+    assert answer.status_code == 202
+    ((key, order),) = asked(page)
+    assert (key.role, key.node_id) == ("post", "local")
+    assert isinstance(order, OrderRequest)
+    assert (order.kind, order.to, order.text) == ("evacuate", (), "north door")
+    assert order.sequence == answer.json()["sequence"]
+
+
+def test_alerts_and_clicks_likewise(page: Page, local: TestClient) -> None:
+    assert local.post("/api/v1/alerts/3", json={"stage": "acknowledged"}).status_code == 202
+    place = {"responder_id": "r1", "north_m": 1.5, "east_m": -2.0}
+    assert local.post("/api/v1/clicks", json=place).status_code == 202
+    (_, alert), (_, fix) = asked(page)
+    assert isinstance(alert, AlertRequest)
+    assert (alert.number, alert.stage) == (3, "acknowledged")
+    assert isinstance(fix, PositionFix)
+    assert (fix.responder_id, fix.source, fix.position.east_m) == ("r1", "commander", -2.0)
+    assert fix.sequence > alert.sequence
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"", b"{", b"[]", b'{"kind": "dance"}', b'{"kind": "evacuate", "to": "r1"}',
+     b'{"kind": "evacuate", "to": ["../.."]}', b"\xff", b'{"kind": "message", "text": 1e999}',
+     b"[" * 50_000, json.dumps({"kind": "message", "text": "x" * 300}).encode()],
+)  # fmt: skip
+def test_what_is_not_as_it_must_be_is_refused_and_nothing_comes_of_it(
+    page: Page, local: TestClient, body: bytes
+) -> None:
+    answer = local.post(
+        "/api/v1/orders", content=body, headers={"content-type": "application/json"}
+    )
+    assert answer.status_code == 400
+    assert answer.json()["error"]
+    assert asked(page) == []
+
+
+def test_too_much_is_refused(page: Page, local: TestClient) -> None:
+    answer = local.post(
+        "/api/v1/orders",
+        content=b" " * (MOST_BODY_BYTES + 1),
+        headers={"content-type": "application/json"},
+    )
+    assert answer.status_code == 413
+    assert local.post("/api/v1/orders", data={"kind": "evacuate"}).status_code == 415
+    assert asked(page) == []
+
+
+def test_without_the_token_nothing_is_done(page: Page, local: TestClient) -> None:
+    answer = local.post("/api/v1/orders", json=EVACUATE, headers={"x-clew-token": "guessed"})
+    assert answer.status_code == 403
+    assert asked(page) == []
+
+
+def test_other_pages_and_other_names_are_turned_away(page: Page, local: TestClient) -> None:
+    origin = {"origin": "http://evil.example"}
+    assert local.post("/api/v1/orders", json=EVACUATE, headers=origin).status_code == 403
+    assert local.get("/api/v1/state", headers={"host": "evil.example"}).status_code == 403
+    assert asked(page) == []
+    own = {"origin": "http://testserver"}
+    assert local.post("/api/v1/orders", json=EVACUATE, headers=own).status_code == 202
+
+
+def test_every_answer_forbids_what_is_not_ours(local: TestClient) -> None:
+    for path in ("/", "/main.js", "/api/v1/state", "/nothing"):
+        headers = local.get(path).headers
+        assert headers["content-security-policy"].startswith("default-src 'self'")
+        assert headers["x-content-type-options"] == "nosniff"
+
+
+def people(role: Role) -> Door:
+    return Door({"kim": Person(role=role, password=hashed("sesame", bytes(16)))}, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("role", "alert", "order"),
+    [("viewer", 403, 403), ("operator", 202, 403), ("commander", 202, 202)],
+)
+def test_who_signs_in_may_do_what_their_role_may(
+    page: Page, role: Role, alert: int, order: int
+) -> None:
+    with client_of(page, people(role)) as client:
+        assert "token" not in client.get("/api/v1/me").json()
+        assert client.get("/api/v1/state").status_code == 401
+        assert client.get("/api/v1/events").status_code == 401
+        wrong = {"name": "kim", "password": "open"}
+        assert client.post("/api/v1/sign-in", json=wrong).status_code == 403
+        right = {"name": "kim", "password": "sesame"}
+        cookie = client.post("/api/v1/sign-in", json=right).headers["set-cookie"].lower()
+        assert "httponly" in cookie
+        assert "samesite=strict" in cookie
+        client.headers["x-clew-token"] = client.get("/api/v1/me").json()["token"]
+        assert client.get("/api/v1/state").status_code == 200
+        told = client.post("/api/v1/alerts/1", json={"stage": "resolved"})
+        assert told.status_code == alert
+        assert client.post("/api/v1/orders", json=EVACUATE).status_code == order
+        assert {key.node_id for key, _ in asked(page)} <= {"kim"}
+        assert client.post("/api/v1/sign-out", json={}).status_code == 200
+        assert client.get("/api/v1/state").status_code == 401
