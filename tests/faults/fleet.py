@@ -86,7 +86,7 @@ class Fleet:
 
     def __enter__(self) -> Self:
         self._folder.mkdir(parents=True, exist_ok=True)
-        _build_machine_code()
+        build_machine_code()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -103,7 +103,7 @@ class Fleet:
 
 
 @cache
-def _build_machine_code() -> None:
+def build_machine_code() -> None:
     """Have agents and post built once: all at a time they would be at it for minutes."""
     for module in ("edge_agent", "command_post"):
         subprocess.run([sys.executable, "-m", module, "prepare"], check=True, capture_output=True)

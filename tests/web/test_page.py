@@ -16,6 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.bus.test_zenoh import free_endpoint
+from tests.faults.fleet import build_machine_code
 from tests.waiting import DEADLINE_S, wait_for
 from tests.web.browser import CHROMIUM, Watched, chromium
 
@@ -34,6 +35,7 @@ class Running(NamedTuple):
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    build_machine_code()
     folder = tmp_path_factory.mktemp("page")
     endpoint, log = free_endpoint(), folder / "post.log"
     common = ("--insecure", "--incident", "test")
