@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from copy import deepcopy
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -17,6 +18,7 @@ from shared.messages import (
     DapInstallation,
     LocalPosition,
     Message,
+    Mount,
     OdometryIncrement,
     PositionFix,
     ProximityEvent,
@@ -118,6 +120,21 @@ def test_known_dap_and_start_put_a_turned_frame_right() -> None:
     estimate = tracker.estimates["r1"]
     assert (estimate.north_m, estimate.east_m) == pytest.approx((24.0, 0.0), abs=0.7)
     assert estimate.last_proximity_time_ns == at_ns(2.0 + 1.1 * 19)
+
+
+@pytest.mark.parametrize(("mount", "off_m"), [("chest", 1.0), ("boot", 2.5)])
+def test_the_scale_of_a_chest_is_learnt_at_a_dap_and_kept(mount: Mount, off_m: float) -> None:
+    # Each step is 1.2 m and told as 1.06: past a DAP at 24 m, and as far again.
+    tracker = TeamTracker(TeamSettings(axis=False))
+    tracker.start("r1", msgspec.structs.replace(track_start(0.0, 0.03), mount=mount))
+    tracker.install("dap1", installation(0.0, None, (24.0, 0.0)))
+    for k in range(41):
+        told_m = 1.06 if k < 40 else 0.0
+        tracker.move("r1", stride(2.0 + 1.1 * k, told_m, 0.0, sequence=k))
+        if k == 19:
+            tracker.peak("dap1", peak_at(2.0 + 1.1 * k, "r1"))
+    error_m = tracker.estimates["r1"].north_m - 48.0
+    assert error_m == pytest.approx(0.0, abs=off_m) if mount == "chest" else error_m < -off_m
 
 
 def peak_at(time_s: float, responder_id: str, peak_dbm: float = -40.0) -> RssiPeak:

@@ -84,6 +84,7 @@ def _start(solved: Solved, heights: Heights, index: int) -> Start:
     )
     return Start(
         int(solved.assembled.chains[index].time_ns[-1]), 0, math.sqrt(max(tt, 0.0)), position,
+        is_loose=solved.assembled.chains[index].starts[-1].is_loose,
         turn_rad=turn_rad, down_sd_m=math.sqrt(max(float(heights.node_m2[end - 1]), LEAST_SD_M**2)),
         tied_ns=tied_ns(solved, index),
     )  # fmt: skip

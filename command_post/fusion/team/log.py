@@ -15,6 +15,7 @@ from shared.messages import (
     DapInstallation,
     HeightFix,
     LocalPosition,
+    Mount,
     OdometryIncrement,
     PositionFix,
     ProximityEvent,
@@ -30,6 +31,9 @@ MOST_RESPONDERS = 2048
 
 ANYWHERE = LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(1e6, 0.0, 1e6))
 """Where a DAP is put of which it is not known where it stands."""
+
+MEASURING_MOUNT: Mount = "boot"
+"""The others guess: how long a step is by how the body bounces, and of whom they know nothing."""
 
 NORTH, EAST, DOWN, HEADING, PLACE_M2, TURN_RAD2, DOWN_M2 = range(7)
 """Columns of ``Moves.values``."""
@@ -255,7 +259,10 @@ class TeamLog:
 
     def add_start(self, responder_id: str, said: TrackStart) -> bool:
         """A unit begins."""
-        start = Start(said.event_time_ns, said.sequence, said.heading_sd_rad, said.position)
+        start = Start(
+            said.event_time_ns, said.sequence, said.heading_sd_rad, said.position,
+            is_loose=said.mount != MEASURING_MOUNT,
+        )  # fmt: skip
         starts = self.of(responder_id).starts
         if any(each[:2] == start[:2] for each in starts):
             return False
