@@ -19,7 +19,7 @@ COMMANDS = {
 
 app = App(
     name="edge-agent",
-    help="""Follow a responder by the sensor on their boot.
+    help="""Follow a responder by the sensor they wear.
 
     Example: edge-agent evaluate simulated:course
     """,

@@ -88,7 +88,8 @@ def run(
     responder_id
         Name of the responder.
     source
-        csv:FILE (a vendor's export), npz:FILE, mcap:FILE[#responder] or simulated:SCENARIO.
+        csv:FILE (a vendor's export), npz:FILE, phone:EXPORT (a folder or .zip of the phone app
+        'Sensor Logger'), mcap:FILE[#responder] or simulated:SCENARIO.
     incident
         Name of the incident.
     mount

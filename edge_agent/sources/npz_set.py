@@ -16,6 +16,7 @@ from edge_agent.sources.recording import (
     Array,
     Recording,
     SourceError,
+    at_times,
 )
 from shared.npz_file import NpzFileError, array_of, load_npz
 from shared.units import NS_PER_S
@@ -94,7 +95,7 @@ def _at(
         return array_of(path, arrays, name, (len(time_s), 3))
     own_s = _rising(path, arrays, clock)
     readings = array_of(path, arrays, name, (len(own_s), 3))
-    return np.column_stack([np.interp(time_s, own_s, readings[:, axis]) for axis in range(3)])
+    return at_times(time_s, own_s, readings)
 
 
 def _rising(path: Path, arrays: dict[str, Array], name: str) -> Array:

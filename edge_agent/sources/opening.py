@@ -18,17 +18,19 @@ from shared.messages import ImuSample, NodeId
 
 
 def open_source(name: str, responder_id: NodeId, seed: int, mount: MountName = "boot") -> Source:
-    """Open ``csv:FILE``, ``npz:FILE``, ``mcap:FILE[#responder]`` or ``simulated:SCENARIO``.
+    """Open a source by its name, of a sensor worn as ``mount``.
 
-    A simulated source has the samples of ``responder_id``, whose sensor is worn as ``mount``, in
-    the exercise of ``seed``, whom they hear, satellite fixes if there are any, and the truth.
-    Raises ``SourceError`` if there is no such kind or the file cannot be used, and
-    ``shared.config.ConfigError`` for a scenario that cannot be used.
+    It is ``csv:FILE``, ``npz:FILE``, ``phone:EXPORT``, ``mcap:FILE[#responder]`` or
+    ``simulated:SCENARIO``. A simulated source has the samples of ``responder_id``, whose sensor is
+    worn as ``mount``, in the exercise of ``seed``, whom they hear, satellite fixes if there are
+    any, and the truth. Raises ``SourceError`` if there is no such kind or the file cannot be used,
+    and ``shared.config.ConfigError`` for a scenario that cannot be used.
     """
     kind, _, where = name.partition(":")
-    if not where or kind not in ("csv", "npz", "mcap", "simulated"):
+    if not where or kind not in ("csv", "npz", "phone", "mcap", "simulated"):
         raise SourceError(
-            f"source {name!r}: use csv:FILE, npz:FILE, mcap:FILE[#responder] or simulated:SCENARIO"
+            f"source {name!r}: use csv:FILE, npz:FILE, phone:EXPORT, mcap:FILE[#responder] or "
+            "simulated:SCENARIO"
         )
     if kind == "simulated":
         from edge_agent.sources.simulated import open_simulated  # noqa: PLC0415
@@ -49,6 +51,10 @@ def _samples(kind: str, where: str, mount: MountName) -> Iterable[ImuSample]:
         from edge_agent.sources.vendor_csv import read_vendor_csv  # noqa: PLC0415
 
         return read_vendor_csv(Path(where))
+    if kind == "phone":
+        from edge_agent.sources.phone_export import read_phone_export  # noqa: PLC0415
+
+        return read_phone_export(Path(where), needs_gyro=mount not in WITHOUT_GYRO)
     if kind == "npz":
         from edge_agent.sources.npz_set import read_npz_set  # noqa: PLC0415
 

@@ -96,6 +96,12 @@ class Recording:
         return map(_reading, column.tolist())
 
 
+def at_times(time_s: Array, own_s: Array, readings: Array) -> Array:
+    """Return a sensor's ``readings`` (k, c), read at ``own_s`` (k,), at ``time_s`` (n,): (n, c)."""
+    columns = [np.interp(time_s, own_s, column) for column in readings.T]
+    return np.column_stack(columns)
+
+
 def _field(row: list[float]) -> Vector3 | None:
     """Return a row of fields, if it has a reading."""
     x, y, z = row

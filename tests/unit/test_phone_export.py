@@ -1,0 +1,130 @@
+"""What is read of a phone's export, and what is said of a broken one."""
+
+from __future__ import annotations
+
+import csv
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edge_agent.mounts.chest import ChestMount
+from edge_agent.sources.opening import open_source
+from edge_agent.sources.phone_export import read_phone_export
+from edge_agent.sources.recording import SourceError
+from shared.maths.rotations import from_rotation_vector
+from shared.messages import ImuSample
+from tests.bouncing_phone import Phone
+
+BEGIN_NS = 1_698_501_144_401_773_000
+METADATA = [
+    ["version", "device name", "platform", "standardisation"],
+    ["3", "phone", "android", "false"],
+]
+
+
+def write(folder: Path, name: str, rows: Iterable[Iterable[object]]) -> None:
+    with (folder / name).open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
+
+
+def sensor(rows: Iterable[tuple[int, tuple[float, ...]]]) -> list[list[object]]:
+    """Return a sensor's rows as the app writes them: z first."""
+    told: list[list[object]] = [["time", "seconds_elapsed", "z", "y", "x"]]
+    return told + [[time_ns, (time_ns - BEGIN_NS) / 1e9, *values[::-1]] for time_ns, values in rows]
+
+
+def samples() -> list[ImuSample]:
+    upright = from_rotation_vector((-1.5707963, 0.0, 0.0))
+    return list(Phone(steps=20, sensor_from_level=upright, turn_rad_s=0.1).samples(BEGIN_NS))
+
+
+@pytest.fixture
+def android(tmp_path: Path) -> Path:
+    """A folder of a walk's export, the gyroscope on a clock of its own."""
+    folder = tmp_path / "export"
+    folder.mkdir()
+    walk = samples()
+    write(folder, "metadata.csv", METADATA)
+    write(folder, "TotalAcceleration.csv", sensor((one.time_ns, one.force_m_s2) for one in walk))
+    gyro = ((one.time_ns + 3_000_000, one.rate_rad_s) for one in walk)
+    write(folder, "Gyroscope.csv", sensor(gyro))
+    fields = ((one.time_ns, (20.0, 0.0, -40.0)) for one in walk[::5])
+    write(folder, "Magnetometer.csv", sensor(fields))
+    pressures: list[list[object]] = [["time", "seconds_elapsed", "relativeAltitude", "pressure"]]
+    pressures += [[one.time_ns, 0, 0, 1013.25] for one in walk[::100]]
+    write(folder, "Barometer.csv", pressures)
+    return folder
+
+
+def test_sensors_are_put_on_one_clock_in_si(android: Path) -> None:
+    recording, walk = read_phone_export(android), samples()
+    assert recording.time_ns.tolist() == [one.time_ns for one in walk]
+    assert recording.force_m_s2 == pytest.approx(np.array([one.force_m_s2 for one in walk]))
+    assert np.nanmax(np.abs(recording.rate_rad_s)) == pytest.approx(0.1)
+    assert recording.field_ut is not None
+    assert recording.field_ut[7].tolist() == [20.0, 0.0, -40.0]
+    assert recording.pressure_pa is not None
+    assert np.nanmean(recording.pressure_pa) == pytest.approx(101_325.0)
+    assert np.count_nonzero(np.isfinite(recording.pressure_pa)) == len(walk[::100])
+
+
+def test_a_walk_is_followed_from_a_zip_as_from_a_folder(android: Path, tmp_path: Path) -> None:
+    packed = tmp_path / "export.zip"
+    with zipfile.ZipFile(packed, "w") as archive:
+        for file in sorted(android.iterdir()):
+            archive.write(file, f"walk/{file.name}")
+    ways = []
+    for name in (f"phone:{android}", f"phone:{packed}"):
+        mount, source = ChestMount(), open_source(name, "r1", 0, "chest")
+        told = [mount.step(one) for one in source.readings if isinstance(one, ImuSample)]
+        ways.append([one for one in told if one is not None] + mount.finish())
+    assert ways[0] == ways[1]
+    assert sum(one.steps for one in ways[0]) == 20
+
+
+def test_an_iphone_reads_forces_downwards(android: Path) -> None:
+    forward = read_phone_export(android)
+    walk = samples()
+    gravity = np.array(walk[0].force_m_s2)
+    write(android, "metadata.csv", [METADATA[0], ["3", "phone", "ios", "false"]])
+    (android / "TotalAcceleration.csv").unlink()
+    moved = ((one.time_ns, tuple(gravity - np.array(one.force_m_s2))) for one in walk)
+    write(android, "Accelerometer.csv", sensor(moved))
+    write(android, "Gravity.csv", sensor((one.time_ns, tuple(-gravity)) for one in walk))
+    assert read_phone_export(android).force_m_s2 == pytest.approx(forward.force_m_s2, abs=1e-9)
+    write(android, "metadata.csv", [METADATA[0], ["3", "phone", "ios", "true"]])
+    assert read_phone_export(android).force_m_s2 == pytest.approx(-forward.force_m_s2, abs=1e-9)
+
+
+def test_a_chest_may_do_without_a_gyroscope(android: Path) -> None:
+    (android / "Gyroscope.csv").unlink()
+    with pytest.raises(SourceError, match=r"no Gyroscope\.csv"):
+        read_phone_export(android)
+    assert np.isnan(read_phone_export(android, needs_gyro=False).rate_rad_s).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("metadata.csv", "", "no metadata.csv that says"),
+        ("TotalAcceleration.csv", "", "no Accelerometer.csv"),
+        ("TotalAcceleration.csv", "time,x,y\n1,2,3\n", "has no column z"),
+        ("Gyroscope.csv", "time,x,y,z\n1,2,3,4\nx,2,3,4\n", "Gyroscope.csv: invalid literal"),
+        ("Gyroscope.csv", "time,x,y,z\n1,2,3,4\n2,2\n", "Gyroscope.csv: list index"),
+    ],
+)
+def test_what_is_broken_is_told(android: Path, name: str, text: str, told: str) -> None:
+    (android / name).write_text(text)
+    with pytest.raises(SourceError, match=told):
+        read_phone_export(android)
+
+
+def test_what_is_no_export_is_told(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="no such folder"):
+        read_phone_export(tmp_path / "none.zip")
+    (tmp_path / "torn.zip").write_bytes(b"torn")
+    with pytest.raises(SourceError, match=r"no whole \.zip"):
+        read_phone_export(tmp_path / "torn.zip")
