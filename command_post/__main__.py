@@ -13,6 +13,7 @@ from command_post.commands.orders import click, floor, order
 from command_post.commands.people import people
 from command_post.commands.prepare import prepare
 from command_post.commands.proof import proof
+from command_post.commands.recordings import salvage_file, verify
 from command_post.commands.scoring import replay, score_file
 from shared.command_line import run_command_line
 
@@ -36,6 +37,8 @@ app.command(rehearse)
 app.command(montecarlo)
 app.command(plan)
 app.command(proof)
+app.command(verify)
+app.command(salvage_file, name="salvage")
 app.command(prepare)
 app.command(doctor)
 app.command(keys)

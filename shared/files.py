@@ -60,8 +60,11 @@ def held_alone(folder: Path) -> Iterator[None]:
 def file_held_alone(path: Path) -> Iterator[None]:
     """Hold ``path``, which need not exist, for this process, as ``held_alone`` does a folder.
 
-    Raises ``FileHeldError`` if another process does. A hidden ``.NAME.held`` stays.
+    Raises ``FileHeldError`` if another process does, or if there is no folder for it. A hidden
+    ``.NAME.held`` stays.
     """
+    if not path.parent.is_dir():
+        raise FileHeldError(f"{path.parent}: no such folder; make it, or give another")
     with _locked(path.with_name(f".{path.name}.held")) as is_free:
         if not is_free:
             raise FileHeldError(f"{path}: another process has it")

@@ -6,7 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from shared.files import FolderHeldError, held_alone, replace_atomically
+from shared.files import (
+    FileHeldError,
+    FolderHeldError,
+    file_held_alone,
+    held_alone,
+    replace_atomically,
+)
 
 
 def test_the_old_file_stands_until_the_block_ends(tmp_path: Path) -> None:
@@ -56,3 +62,9 @@ def test_a_folder_is_held_by_one_at_a_time(tmp_path: Path) -> None:
         pass
     with held_alone(tmp_path):
         pass
+
+
+def test_a_file_in_no_folder_is_said_in_plain_words(tmp_path: Path) -> None:
+    held = file_held_alone(tmp_path / "none" / "a.mcap")
+    with pytest.raises(FileHeldError, match="no such folder; make it"):
+        held.__enter__()
