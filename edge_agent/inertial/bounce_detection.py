@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.signal import firwin
+from numpy.typing import NDArray
 
 from shared.units import NS_PER_S
+
+Array: TypeAlias = NDArray[np.float64]
 
 
 class BounceSettings(NamedTuple):
@@ -64,7 +66,7 @@ class BounceDetector:
     def __init__(self, settings: BounceSettings | None = None) -> None:
         self._settings = settings or BounceSettings()
         settings = self._settings
-        self._window = firwin(settings.taps, settings.cutoff_hz, fs=settings.rate_hz)
+        self._window = _low_pass(settings)
         self._raw: deque[tuple[int, float]] = deque(maxlen=settings.taps)
         kept_s = settings.longest_s + 1.0
         self._smooth: deque[tuple[int, float]] = deque(maxlen=int(kept_s * settings.rate_hz))
@@ -155,3 +157,11 @@ class BounceDetector:
         )
         mean_m_s2 = float(np.abs(during - during.mean()).mean()) if during.size else 0.0
         return Bounce(start_ns, end_ns, mean_m_s2)
+
+
+def _low_pass(settings: BounceSettings) -> Array:
+    """Return the weights (taps,) of a low-pass: a sinc under a Hamming window, of sum one."""
+    from_middle = np.arange(settings.taps) - 0.5 * (settings.taps - 1)
+    sinc = np.sinc(2.0 * settings.cutoff_hz / settings.rate_hz * from_middle)
+    weights = sinc * np.hamming(settings.taps)
+    return np.asarray(weights / weights.sum())
