@@ -8,6 +8,7 @@ speed on center of mass displacement", J. Rehabil. Res. Dev. 41, 2004); people d
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -23,7 +24,14 @@ Array: TypeAlias = NDArray[np.float64]
 TorsoPlace: TypeAlias = Literal["belt", "chest"]
 
 RISE_AT_SPEED = ((0.7, 0.0274), (1.6, 0.0483))
-"""m/s, m: how far the trunk rises and falls in a step."""
+"""m/s, m: how far the centre of mass rises and falls in a step."""
+TRUNK_OVER_CENTRE, TRUNK_SPREAD = 1.13, 0.1
+"""The trunk rises further, for the legs go the other way; standard deviation of its logarithm. So
+nine people with a sensor at the lower back have it, and so their landings below."""
+LANDING, LANDING_SPREAD = 0.018, 0.006
+LANDING_BY_RISE = -0.05
+"""How much of the rise comes six times a stride, where the heel strikes: who rises more than the
+others lands more softly, by so much for each unit of the logarithm."""
 ASIDE_AT_SPEED = ((0.7, 0.0699), (1.6, 0.0385))
 """m/s, m: how far it goes from side to side in a stride."""
 LEAST_RISE_M = 0.008
@@ -46,18 +54,19 @@ SETTLED_S = 0.4
 class Trunk(NamedTuple):
     """One person's trunk where the sensor is.
 
-    ``rise``, ``aside``: shares of what is usual at a speed. ``second`` is the part of the rise that
-    comes four times a stride, and ``second_rad`` its lag; ``third`` the part of the way aside that
-    comes three times; ``surge`` how much of its speed the trunk
-    gains and loses over a step; ``limp`` the difference between left and right. Angles are
-    amplitudes of roll and yaw over the stride and pitch over the step, then lean in walking.
-    ``lever_m`` is how far ahead of the trunk's axis the sensor is.
+    ``rise``, ``aside``: shares of what is usual of the centre of mass at a speed. ``second`` is the
+    part of the rise that comes four times a stride, and ``second_rad`` its lag, ``landing`` that
+    which comes six times; ``third`` the part of the way aside that comes three times; ``surge`` how
+    much of its speed the trunk gains and loses over a step; ``limp`` the difference between left
+    and right. Angles are amplitudes of roll and yaw over the stride and pitch over the step, then
+    lean in walking. ``lever_m`` is how far ahead of the trunk's axis the sensor is.
     """
 
     rise: float
     aside: float
     second: float
     second_rad: float
+    landing: float
     third: float
     surge: float
     limp: float
@@ -74,11 +83,13 @@ def draw_trunk(place: TorsoPlace, chance: np.random.Generator) -> Trunk:
     belt = place == "belt"
     roll_deg, pitch_deg, yaw_deg = (4.0, 1.5, 4.5) if belt else (2.0, 1.5, -3.5)
     spread = np.exp(chance.normal(0.0, 0.25, 3))
+    more = float(chance.normal(0.0, TRUNK_SPREAD))
     return Trunk(
-        rise=float(np.exp(chance.normal(0.0, 0.12))),
+        rise=TRUNK_OVER_CENTRE * math.exp(more),
         aside=float(np.exp(chance.normal(0.0, 0.2))),
-        second=float(chance.normal(0.06, 0.02)),
+        second=float(chance.normal(0.03, 0.015)),
         second_rad=float(chance.normal(0.8, 0.4)),
+        landing=max(0.0, LANDING + LANDING_BY_RISE * more + LANDING_SPREAD * chance.normal()),
         third=float(chance.normal(0.06, 0.03)),
         surge=float(np.clip(chance.normal(0.11, 0.02), 0.04, 0.2)),
         limp=float(chance.normal(0.0, 0.05)),
@@ -121,10 +132,10 @@ class TorsoPath:
         t, trunk = 2.0 * phase, self.trunk
         limp = 1.0 + trunk.limp * np.cos(phase)
         lowered = 0.5 * rise * limp * (1.0 - np.cos(t))
-        # Four times a stride, and nothing over the leg that stands.
-        lowered += (
-            trunk.second * rise * (np.cos(2.0 * t + trunk.second_rad) - np.cos(trunk.second_rad))
-        )
+        # Four and six times a stride, and nothing over the leg that stands.
+        lag = trunk.second_rad
+        lowered += trunk.second * rise * (np.cos(2.0 * t + lag) - np.cos(lag))
+        lowered -= trunk.landing * rise * (np.cos(3.0 * t) - 1.0)
         ahead = trunk.lever_m - surge * np.sin(t)
         right = 0.5 * aside * (np.cos(phase) + trunk.third * np.cos(3.0 * phase))
         roll = trunk.roll_rad * effort * np.sin(phase)
