@@ -13,6 +13,8 @@ from edge_agent.mounts.chest import ChestMount
 from edge_agent.mounts.chest_published import PublishedChestMount
 from edge_agent.mounts.interface import Mount
 from edge_agent.mounts.upright import UprightMount
+from edge_agent.mounts.waist import WaistMount
+from edge_agent.mounts.waist_published import PublishedWaistMount
 from shared.compiled import is_kept
 from shared.messages import Mount as Worn
 
@@ -22,6 +24,7 @@ MethodName: TypeAlias = Literal["eskf", "linear", "robust", "published"]
 _MOUNTS: dict[MountName, dict[MethodName, Callable[[], Mount]]] = {
     "boot": {"eskf": EskfBootMount, "linear": lambda: UprightMount(BootMount())},
     "chest": {"robust": ChestMount, "published": PublishedChestMount},
+    "waist": {"robust": WaistMount, "published": lambda: UprightMount(PublishedWaistMount())},
 }
 """By mount, the default method first."""
 
