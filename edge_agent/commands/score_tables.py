@@ -35,7 +35,10 @@ _HEADINGS = {
     "floor_rmse_m": "floor m",
     "closure_2d_m": "closure m",
     "closure_3d_m": "closure 3-D m",
+    "worst_m": "worst m",
     "steps_error_pct": "steps %",
+    "steps_off": "steps off",
+    "steps_exact_pct": "exact %",
     "samples_per_s": "samples/s",
 }
 

@@ -21,7 +21,8 @@ METRICS = (
     "end_error_pct", "heading_drift_deg_min", "missed_stances_pct", "false_stances_pct",
     "coverage95_pct", "coverage95_whole_path_pct", "vertical_rmse_m", "vertical_end_error_m",
     "vertical_increment_rmse_m", "vertical_coverage95_pct", "floor_rmse_m",
-    "closure_2d_m", "closure_3d_m", "steps_error_pct", "samples_per_s",
+    "closure_2d_m", "closure_3d_m", "worst_m", "steps_error_pct", "steps_off", "steps_exact_pct",
+    "samples_per_s",
 )  # fmt: skip
 """The fields of ``TrialScore`` that a set sums up."""
 
@@ -45,7 +46,9 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     path that turns right, ``vertical_end_error_m`` for one that ends too low. ``coverage95_pct``
     is no error: 95 is what it should be; ``coverage95_whole_path_pct`` would be lower on any walk
     along which heading drifts, and ``vertical_coverage95_pct`` is that of height.
-    ``steps_true`` were counted, ``steps_found`` told.
+    ``steps_true`` were counted, ``steps_found`` told, ``steps_off`` more than counted;
+    ``steps_exact_pct`` is 100 or 0, so that its mean is the share of trials told exactly.
+    ``worst_m`` is how far the way ever was from the truth, laid on it where it began.
     ``samples_per_s`` is what the mount alone took in per second of one processor's time.
     ``failure`` says why there is no score; the trial still counts.
     """
@@ -77,6 +80,9 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     steps_true: int | None = None
     steps_found: int | None = None
     steps_error_pct: float | None = None
+    steps_off: float | None = None
+    steps_exact_pct: float | None = None
+    worst_m: float | None = None
     failure: str | None = None
 
 

@@ -24,6 +24,9 @@ from shared.units import NS_PER_S
 WAIST_COURSE_M = 20.0
 """Of the sets that tell each foot's flights: 10 m out, and back."""
 
+FLIGHT_RATE_HZ = 100.0
+"""They are told by samples of this rate since the first, lost ones counted."""
+
 _NED_FROM_Z_UP = np.array([1.0, -1.0, -1.0])
 
 
@@ -125,7 +128,7 @@ def _course(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth |
     if "truth_steps" in arrays:
         return StepCount(time_s, array_of(path, arrays, "truth_steps", (len(time_s),)))
     if "truth_left_steps" in arrays and "truth_right_steps" in arrays:
-        ends_s = time_s[_flight_ends(path, arrays, len(time_s))]
+        ends_s = time_s[0] + _flight_ends(path, arrays, time_s) / FLIGHT_RATE_HZ
         counted_s = np.concatenate((time_s[:1], ends_s))
         return StepCount(counted_s, np.arange(0.0, len(counted_s)), WAIST_COURSE_M)
     if "truth_speed_m_s" in arrays and "truth_t_s" in arrays:
@@ -134,8 +137,9 @@ def _course(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth |
     return None
 
 
-def _flight_ends(path: Path, arrays: dict[str, Array], count: int) -> NDArray[np.int64]:
-    """Return the samples (k,) at which a foot of either side lands, out of ``count``, in order."""
+def _flight_ends(path: Path, arrays: dict[str, Array], time_s: Array) -> NDArray[np.int64]:
+    """Return the samples (k,) at which a foot of either side lands, in order."""
+    count = FLIGHT_RATE_HZ * (time_s[-1] - time_s[0]) + 1.0
     ends = []
     for name in ("truth_left_steps", "truth_right_steps"):
         flights = array_of(path, arrays, name, (len(arrays[name]), 2))
