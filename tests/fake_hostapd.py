@@ -17,6 +17,9 @@ class FakeHostapd:
         self.deaf = False
         """Whether it answers nothing, as a program that hangs."""
 
+        self.busy = False
+        """Whether each station sends a packet between two looks at it."""
+
         self._path = path
         self._attached: list[bytes] = []
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -67,6 +70,7 @@ class FakeHostapd:
                 return "UNKNOWN COMMAND\n"
 
     def _station(self, address: str) -> str:
+        self.stations[address]["rx_packets"] += self.busy
         told = {"flags": "[AUTH][ASSOC]", "aid": 1, **self.stations[address]}
         lines = [address, *(f"{name}={value}" for name, value in told.items())]
         return "".join(f"{line}\n" for line in lines)
