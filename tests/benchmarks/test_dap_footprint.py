@@ -28,10 +28,10 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="told by /proc")
 
 
 def resident_mb(process_id: int) -> float:
-    """Return the memory that a process has in use, in MB of 2^20 bytes, files included."""
+    """Return the memory that a process has in use, in MB of 10^6 bytes, files included."""
     status = Path(f"/proc/{process_id}/status").read_text()
     (kilobytes,) = (line.split()[1] for line in status.splitlines() if line.startswith("VmRSS"))
-    return int(kilobytes) / 1024.0
+    return int(kilobytes) * 1024 / 1e6
 
 
 def worked_s(process_id: int) -> float:
