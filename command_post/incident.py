@@ -343,6 +343,9 @@ class Incident:
         """Take in what a node of this incident says, and when that was on the post's clock."""
         for found in self._senders.hear(key, message, now_ns, seal):
             self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
+        if isinstance(message, DapInstallation) and _is_taken_up(message):
+            detail = "dap: taken up, and nowhere until it is set down again"
+            self._notices.append(Notice("taken_up", key.node_id, detail))
         self._told.take(key.node_id, message, now_ns)
         if isinstance(message, OrderReply) and message.post_id == self.settings.post_id:
             self._orders.take(key.node_id, message)
@@ -425,6 +428,10 @@ def _is_ones_own(key: Key, message: Message) -> bool:
             return (message.node, message.node_id) == (key.role, key.node_id)
         case _:
             return True
+
+
+def _is_taken_up(said: DapInstallation) -> bool:
+    return said.position is None and said.installer_id is None
 
 
 def _node_of(key_text: str) -> str:

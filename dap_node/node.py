@@ -14,7 +14,8 @@ import structlog
 from dap_node.hearing import Heard, Hearing, Neighbour, NeighbourWatch
 from dap_node.installation import Installation, Stage, Standing
 from dap_node.proximity import Proximity, ProximityDetector
-from dap_node.scanners.observation import Observation, RadioScan, Scan, SetDown
+from dap_node.scanners.observation import Motion, Observation, RadioScan, Scan, SetDown
+from dap_node.self_installation import PutDown, SelfInstallation, TakenUp
 from dap_node.settings import DapSettings
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
@@ -71,6 +72,8 @@ class DapNode:
         gate: Gate | None = None,
         stations: StationTable | None = None,
         keep_stations: Callable[[StationTable], object] = lambda _: None,
+        keep_place: Callable[[bytes | None], object] = lambda _: None,
+        watch: SelfInstallation | None = None,
     ) -> None:
         """``sends_rssi``: publish every reading as well, for the record.
 
@@ -91,6 +94,10 @@ class DapNode:
         self._keep_stations = keep_stations
         self._neighbours = NeighbourWatch()
         self._strangers_told = False
+        self._watch = watch
+        self._keep_place = keep_place
+        self._is_taken_up = False
+        self._heeded: dict[Key, SetDownHere] = {}
         self._place_payload: bytes | None = None
         self._truth_m: Vector3 | None = None
         self._truth_due_ns = 0
@@ -109,9 +116,11 @@ class DapNode:
     def go_on(self, said: bytes) -> None:
         """Take up the installation that was ``said`` before this process was broken off."""
         message = decode(self._installation_key, said)
-        if isinstance(message, DapInstallation):
+        if isinstance(message, DapInstallation) and (message.installer_id or message.position):
             place = Installation(message.event_time_ns, message.installer_id, message.position)
             self._standing.set_down(place)
+            if self._watch is not None:
+                self._watch.stands()
             self._place_payload = said
             _log.info("stands still", installer_id=message.installer_id, stage=self.stage)
 
@@ -132,14 +141,42 @@ class DapNode:
             case RadioScan():
                 self._hear(observation.time_ns, self._hearing.sort_out(observation))
                 self._tell_of_strangers()
+            case Motion() if self._watch is not None:
+                for time_ns, force_m_s2 in observation.samples:
+                    self._watch.feel(time_ns, force_m_s2)
+        self._notice(observation.time_ns)
+        self._keep_place(None if self.stage == "carried" else self._place_payload)
         self._tell_truth(observation.time_ns)
 
     def _set_down(self, report: SetDown) -> None:
-        installation = Installation(report.time_ns, report.installer_id, report.position)
+        installer_id = report.installer_id
+        if installer_id is None and report.position is None:
+            watch = self._watch
+            installer_id = None if watch is None else watch.loudest(report.time_ns)
+            if installer_id is None:
+                _log.error("set down, but nobody is heard who did: say where, or who")
+                return
+        installation = Installation(report.time_ns, installer_id, report.position)
         self._standing.set_down(installation)
+        if self._watch is not None:
+            self._watch.stands()
+        self._is_taken_up = False
         self._truth_m, self._truth_due_ns = report.truth_m, report.time_ns
         self._say_place(installation)
-        _log.info("set down", installer_id=report.installer_id, stage=self.stage)
+        _log.info("set down", installer_id=installer_id, stage=self.stage)
+
+    def _notice(self, now_ns: int) -> None:
+        """Say so if the DAP was set down, or taken up, without anybody telling it."""
+        if self._watch is None:
+            return
+        match self._watch.tick(now_ns, stands=self.stage != "carried"):
+            case PutDown(time_ns, installer_id):
+                self._set_down(SetDown(time_ns, installer_id, None))
+            case TakenUp(time_ns):
+                self._standing.take_up()
+                self._is_taken_up = True
+                self._say_place(Installation(time_ns, None, None))
+                _log.warning("taken up: it is to be set down again")
 
     def _hear(self, now_ns: int, heard: Iterable[Heard]) -> None:
         for time_ns, role, node_id, rssi_dbm in heard:
@@ -149,12 +186,17 @@ class DapNode:
             calibrated_dbm = rssi_dbm + self._offset_db
             self._proximity.add(time_ns, node_id, calibrated_dbm)
             self._peaks.add(time_ns, node_id, calibrated_dbm)
+            if self._watch is not None:
+                self._watch.hear(time_ns, node_id, calibrated_dbm)
             if self._sends_rssi:
                 self._say_reading(time_ns, node_id, rssi_dbm)
-        for proximity in self._proximity.tick(now_ns):
-            self._say_near(proximity)
-        for peak in self._peaks.tick(now_ns):
-            self._say_peak(peak)
+        near, peaks = self._proximity.tick(now_ns), self._peaks.tick(now_ns)
+        # Who is near a box that somebody carries says nothing of where they are.
+        if not self._is_taken_up:
+            for proximity in near:
+                self._say_near(proximity)
+            for peak in peaks:
+                self._say_peak(peak)
         for neighbour in self._neighbours.tick(now_ns):
             self._say_neighbour(now_ns, neighbour)
 
@@ -197,8 +239,11 @@ class DapNode:
                 self._strangers_told = False
                 _log.info("stations", responders=len(message.responders), daps=len(message.daps))
             case SetDownHere(dap_id=dap_id, position=position) if dap_id == self._sender.node_id:
-                installer_id = key.node_id if key.role == "responder" else None
-                self._set_down(SetDown(now_ns, installer_id, position))
+                # It may be said several times, for it is not answered.
+                if self._heeded.get(key) != message:
+                    self._heeded[key] = message
+                    installer_id = key.node_id if key.role == "responder" else None
+                    self._set_down(SetDown(now_ns, installer_id, position))
 
     def _learn(self, estimate: DapEstimate) -> None:
         installation = self._standing.learn(estimate)

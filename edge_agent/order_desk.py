@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import _thread
-import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from types import FrameType
+from collections.abc import Callable
 from typing import Literal, Self
 
 import structlog
@@ -112,25 +108,3 @@ def tell_wearer(order: Order) -> None:
     text = f": {order.text}" if order.text else ""
     Console().print(f"ORDER {kind}{text}", highlight=False, markup=False, soft_wrap=True)
     _log.warning("order", kind=order.kind, text=order.text, number=order.sequence)
-
-
-@contextmanager
-def acknowledge_on_signal() -> Iterator[threading.Event]:
-    """Give an event that SIGUSR1 sets: what a button on the unit is to send to the agent.
-
-    To be entered in the main thread. Where there is no such signal (Windows) nothing sets it.
-    """
-    acknowledged = threading.Event()
-    if not hasattr(signal, "SIGUSR1"):
-        yield acknowledged
-        return
-
-    def note(_number: int, _frame: FrameType | None) -> None:
-        # The main thread may be inside this very event, holding its lock.
-        _thread.start_new_thread(acknowledged.set, ())
-
-    former = signal.signal(signal.SIGUSR1, note)
-    try:
-        yield acknowledged
-    finally:
-        signal.signal(signal.SIGUSR1, former)

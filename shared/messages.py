@@ -289,7 +289,8 @@ class DapInstallation(Message, frozen=True, kw_only=True):
 
     Without ``position`` it stands where its installer stood at ``event_time_ns``; the command
     post works that out and tells the DAP, which says it again with the position. A DAP placed at
-    a known point (the entrance) has a position from the first and may have no installer.
+    a known point (the entrance) has a position from the first and may have no installer. With
+    neither it was taken up, and stands nowhere from then on.
     """
 
     installer_id: NodeId | None

@@ -231,6 +231,28 @@ def _at_the_end_of(pipe: int, act: Callable[[], None]) -> None:
     threading.Thread(target=wait_for_the_end, name="stop-with-parent", daemon=True).start()
 
 
+@contextmanager
+def set_by_button() -> Iterator[threading.Event]:
+    """Give an event that SIGUSR1 sets: what a button on a unit or a box is to send the program.
+
+    To be entered in the main thread. Where there is no such signal (Windows) nothing sets it.
+    """
+    pressed = threading.Event()
+    if not hasattr(signal, "SIGUSR1"):
+        yield pressed
+        return
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        # The main thread may be inside this very event, holding its lock.
+        _thread.start_new_thread(pressed.set, ())
+
+    former = signal.signal(signal.SIGUSR1, note)
+    try:
+        yield pressed
+    finally:
+        signal.signal(signal.SIGUSR1, former)
+
+
 def wait_until(clock: Clock, time_ns: int, stop: threading.Event) -> bool:
     """Wait until ``clock`` reads ``time_ns``; return whether it does, ``False`` on ``stop``."""
     while not stop.is_set():

@@ -11,10 +11,13 @@ from typing import Annotated
 import structlog
 from cyclopts import Parameter, validators
 
+from dap_node.kept_standing import KeptStanding
 from dap_node.node import DapNode
+from dap_node.scanners.accelerometer import IioAccelerometer
 from dap_node.scanners.live import SCAN_RATE_HZ, LiveSource, live_observations
 from dap_node.scanners.observation import Observation, SetDown
 from dap_node.scanners.opening import Playable, open_live, open_played
+from dap_node.self_installation import SelfInstallation
 from dap_node.settings import DapSettings
 from shared.bus.interface import Bus
 from shared.bus.refused_links import RefusedLinks
@@ -33,6 +36,7 @@ from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
+    set_by_button,
     stop_on_signals,
     stop_with_parent,
     wait_until,
@@ -64,6 +68,8 @@ def run(
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
     journal: JournalFile = None,
+    accelerometer: str | None = None,
+    by_itself: bool = True,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -105,6 +111,11 @@ def run(
     journal
         File that keeps what is said until the post has it; by default one of this DAP's in the
         incident, among what programs keep for the user.
+    accelerometer
+        The box's own, iio:NUMBER of Linux: it tells when the DAP is set down, and taken up.
+    by_itself
+        Of radios: notice that it was set down. SIGUSR1, what a button on the box is to send, says
+        so as well: by who is heard loudest.
     await_start
         Begin with the exercise, at its speed.
     with_parent
@@ -117,12 +128,15 @@ def run(
         bundle = open_keys(keys, Identity("dap", dap_id), insecure=insecure)
         settings = load_toml(config, DapSettings) if config else DapSettings()
         opened = _open_source(source, dap_id, seed, scan_rate)
+        if accelerometer is not None and not isinstance(opened, Playable):
+            opened.append(IioAccelerometer(accelerometer))
         listed = None if stations is None else read_stations(stations)
         dialled = connect or (local_endpoint(bundle),)
         listened = [listen or local_endpoint(bundle, port=0)]
         kept = journal_path(journal, incident, "dap", dap_id)
         with (
             stop_on_signals() as stop,
+            set_by_button() as button,
             JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
             nullcontext() if bundle is None else RefusedLinks(),
             open_zenoh("router", dialled, listened, bundle) as bus,
@@ -138,16 +152,22 @@ def run(
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement),
             ):
-                known = KeptStations(kept)
+                known, place = KeptStations(kept), KeptStanding(kept, incident, dap_id)
+                is_live = not isinstance(opened, Playable)
                 dap = DapNode(
                     bus, incident, dap_id, settings, outbox=outbox, gate=Gate(node.verifier),
                     stations=listed or known.load(), keep_stations=known.keep,
+                    keep_place=place.keep if is_live else lambda _: None,
+                    watch=SelfInstallation(notices=by_itself) if is_live else None,
                 )  # fmt: skip
-                _go_on(dap, node)
+                said = place.load() if is_live else _said_before(node)
+                if said is not None:
+                    dap.go_on(said)
                 if isinstance(opened, Playable):
                     _play(node, dap, opened, None if await_start else speed)
                 else:
-                    _listen(node, dap, opened)
+                    for observation in live_observations(opened, node.clock, stop, button):
+                        dap.take(observation)
                 bus.ask_no_more()
     except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
@@ -163,17 +183,10 @@ def _open_source(
     return played or open_live(names, rate_hz)
 
 
-def _go_on(dap: DapNode, node: Node) -> None:
-    """Have a DAP that was broken off stand where it stood."""
+def _said_before(node: Node) -> bytes | None:
+    """Return what a DAP of an exercise said of its place before it was broken off."""
     said = node.outbox.newest(str(Key(node.incident, "dap", node.node_id, "installation")))
-    if node.outbox.broken_off and said is not None:
-        dap.go_on(said)
-
-
-def _listen(node: Node, dap: DapNode, sources: Sequence[LiveSource]) -> None:
-    """Tell what the radios hear, until asked to stop."""
-    for observation in live_observations(sources, node.clock, node.stop):
-        dap.take(observation)
+    return said if node.outbox.broken_off else None
 
 
 def _play(node: Node, dap: DapNode, scanner: Playable, speed: float | None) -> None:

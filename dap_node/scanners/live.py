@@ -9,7 +9,13 @@ from typing import Protocol, TypeAlias
 
 import structlog
 
-from dap_node.scanners.observation import Observation, RadioScan, ScannerError
+from dap_node.scanners.observation import (
+    Motion,
+    Observation,
+    RadioScan,
+    ScannerError,
+    SetDown,
+)
 from dap_node.scanners.station_counters import Polled, StationCounters
 from shared.bus.inbox import Inbox
 from shared.clock import Clock
@@ -23,20 +29,20 @@ TICK_S = 0.25
 
 MOST_WAITING = 256
 
-Deliver: TypeAlias = Callable[[RadioScan], None]
+Deliver: TypeAlias = Callable[[RadioScan | Motion], None]
 
 _log = structlog.stdlib.get_logger(__name__)
 
 
 class LiveSource(Protocol):
-    """A radio that is listened to."""
+    """A radio, or an accelerometer, that is listened to."""
 
     @property
     def name(self) -> str:
         """What the command line calls it, as in ``nl80211:wlan0``."""
 
     def listen(self, deliver: Deliver, now_ns: Callable[[], int], stop: Event) -> None:
-        """Deliver a scan whenever there is one, until ``stop`` is set."""
+        """Deliver what there is whenever there is something, until ``stop`` is set."""
 
 
 class Radio(Protocol):
@@ -112,13 +118,14 @@ class PolledSource:
 
 
 def live_observations(
-    sources: Sequence[LiveSource], clock: Clock, stop: Event
+    sources: Sequence[LiveSource], clock: Clock, stop: Event, button: Event | None = None
 ) -> Iterator[Observation]:
     """Yield what all ``sources`` hear, in the order of time, until ``stop`` is set.
 
-    Raises what a source raises that cannot go on.
+    The DAP has been set down whenever ``button`` is set, which is cleared. Raises what a source
+    raises that cannot go on.
     """
-    inbox: Inbox[RadioScan] = Inbox(MOST_WAITING)
+    inbox: Inbox[RadioScan | Motion] = Inbox(MOST_WAITING)
     ended = Event()
     failures: list[BaseException] = []
 
@@ -136,14 +143,17 @@ def live_observations(
     last_ns = clock.now_ns()
     try:
         while not stop.is_set():
-            scan = inbox.get(TICK_S)
+            heard = inbox.get(TICK_S)
             if failures:
                 raise failures[0]
-            if scan is None:
-                scan = RadioScan(clock.now_ns(), ())
-            # Two radios' scans may come in crosswise.
-            last_ns = max(last_ns, scan.time_ns)
-            yield scan._replace(time_ns=last_ns)
+            if heard is None:
+                heard = RadioScan(clock.now_ns(), ())
+            # What two sources hear may come in crosswise.
+            last_ns = max(last_ns, heard.time_ns)
+            yield heard._replace(time_ns=last_ns)
+            if button is not None and button.is_set():
+                button.clear()
+                yield SetDown(last_ns, None, None)
     finally:
         ended.set()
         for thread in threads:

@@ -49,10 +49,18 @@ class RadioScan(NamedTuple):
     readings: tuple[Reading, ...]
 
 
+class Motion(NamedTuple):
+    """What the DAP's own accelerometer read: times, and specific force in its axes (m/s²)."""
+
+    time_ns: int
+    samples: tuple[tuple[int, Vector3], ...]
+
+
 class SetDown(NamedTuple):
     """The DAP was installed: by whom if by a responder, and where if that is known beforehand.
 
-    ``truth_m`` is where it really stands (NED), which only a simulation knows.
+    If neither is known it was by who is heard loudest. ``truth_m`` is where it really stands (NED),
+    which only a simulation knows.
     """
 
     time_ns: int
@@ -61,4 +69,4 @@ class SetDown(NamedTuple):
     truth_m: Vector3 | None = None
 
 
-Observation: TypeAlias = Scan | RadioScan | SetDown
+Observation: TypeAlias = Scan | RadioScan | Motion | SetDown

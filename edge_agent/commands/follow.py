@@ -15,7 +15,7 @@ from edge_agent.agent import Agent
 from edge_agent.commands.prepare import prepared_mount
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import MethodName, MountName, default_method
-from edge_agent.order_desk import OrderDesk, acknowledge_on_signal, tell_wearer
+from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
@@ -35,6 +35,7 @@ from shared.outbox import JournalledOutbox
 from shared.process import (
     ExitCode,
     ended_by_signals,
+    set_by_button,
     stop_on_signals,
     stop_with_parent,
     wait_until,
@@ -142,7 +143,7 @@ def run(
         kept = journal_path(journal, incident, "responder", responder_id)
         with (
             stop_on_signals() as stop,
-            acknowledge_on_signal() as acknowledged,
+            set_by_button() as acknowledged,
             JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
             open_zenoh("client", connect=dialled, bundle=bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,

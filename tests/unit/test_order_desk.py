@@ -8,13 +8,14 @@ import threading
 
 import pytest
 
-from edge_agent.order_desk import OrderDesk, acknowledge_on_signal, tell_wearer
+from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import MOST_KNOWN, OrderBook
 from shared.bus.memory import MemoryNetwork
 from shared.clock import ManualClock
 from shared.codec import decode, parse_key
 from shared.gate import Gate, Turned
 from shared.messages import Order, OrderReply
+from shared.process import set_by_button
 from shared.sender import Sender, Unkept
 from shared.topics import Key
 from tests.waiting import wait_for
@@ -126,7 +127,7 @@ def test_the_wearer_is_told_in_a_line(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_a_signal_acknowledges() -> None:
     before = signal.getsignal(signal.SIGUSR1)
-    with acknowledge_on_signal() as acknowledged:
+    with set_by_button() as acknowledged:
         os.kill(os.getpid(), signal.SIGUSR1)
         wait_for(acknowledged.is_set, "the signal")
     assert signal.getsignal(signal.SIGUSR1) == before
