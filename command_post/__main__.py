@@ -9,7 +9,7 @@ from command_post.commands.doctor import doctor
 from command_post.commands.keys import keys
 from command_post.commands.live import demo, run
 from command_post.commands.offline import montecarlo, plan, rehearse
-from command_post.commands.orders import click, floor, order
+from command_post.commands.orders import click, floor, order, set_down
 from command_post.commands.people import people
 from command_post.commands.prepare import prepare
 from command_post.commands.proof import proof
@@ -30,6 +30,7 @@ app.command(demo)
 app.command(click)
 app.command(floor)
 app.command(order)
+app.command(set_down)
 app.command(replay)
 app.command(score_file, name="score")
 app.command(afterwards)

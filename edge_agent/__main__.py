@@ -11,6 +11,7 @@ from shared.command_line import run_command_line
 
 COMMANDS = {
     "run": "edge_agent.commands.follow:run",
+    "set-down": "edge_agent.commands.set_down:set_down",
     "rehearse": "edge_agent.commands.rehearse:rehearse",
     "retrace": "edge_agent.commands.retrace:retrace",
     "prepare": "edge_agent.commands.prepare:prepare",

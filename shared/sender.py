@@ -65,10 +65,15 @@ class Sender:
 
         self._next: Counter[type[Message]] = Counter()
 
-    def key(self, message: type[Message], node_id: NodeId | None = None) -> str:
-        """Return the key that this node, or another of its role, writes such messages under."""
+    def key(
+        self, message: type[Message], node_id: NodeId | None = None, role: Role | None = None
+    ) -> str:
+        """Return the key that this node writes such messages under, or another of its incident.
+
+        It has the same role, if no other is given.
+        """
         topic = _TOPIC_OF[message].name
-        return str(Key(self._incident, self._role, node_id or self.node_id, topic))
+        return str(Key(self._incident, role or self._role, node_id or self.node_id, topic))
 
     def next_sequence(self, message: type[Message]) -> int:
         """Return the number for the next message of that type: 0, 1, 2 … in this process."""

@@ -1,4 +1,4 @@
-"""``command-post click``, ``floor`` and ``order``: tell a running post something."""
+"""``command-post click``, ``floor``, ``order`` and ``set-down``: tell running nodes something."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from shared.exercise import ask_time_ns
 from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.messages import (
+    DapInstallation,
     HeightFix,
     LocalPosition,
     Message,
@@ -27,6 +28,7 @@ from shared.messages import (
     OrderKind,
     OrderRequest,
     PositionFix,
+    SetDownHere,
 )
 from shared.process import ExitCode
 from shared.security.certificates import Identity
@@ -37,6 +39,7 @@ from shared.topics import alive_key, check_id
 FIND_POST_S = 5.0
 POLL_S = 0.05
 ANSWER_S = 5.0
+ASK_PERIOD_S = 0.5
 MOST_ANSWERS = 64
 NS_PER_MS = 1_000_000
 
@@ -218,7 +221,79 @@ def order(
         return OrderRequest(event_time_ns=time_ns, sequence=sequence, kind=which, to=to, text=text)
 
     sayer = Sayer(incident, commander_id, connect, keys, insecure)
-    return _say(request, sayer, "--to", to, awaits_answer=True)
+    return _say(request, sayer, "--to", to, await_outcome=_await_answer)
+
+
+def set_down(
+    *,
+    dap: str,
+    north: float,
+    east: float,
+    down: float = 0.0,
+    sd: Deviation = 1.0,
+    incident: str = "incident",
+    connect: Dialled = (),
+    keys: Keys = None,
+    insecure: Insecure = False,
+    commander_id: SayerId = "commander",
+) -> int:
+    """Tell a DAP that it stands at a place, as by a click on the map, and wait until it says so.
+
+    Example: command-post set-down --keys keys/commander --dap dap1 --north 0 --east 1.5 --sd 0.3
+
+    Parameters
+    ----------
+    dap
+        Which DAP.
+    north
+        Metres north of the incident's origin.
+    east
+        Metres east of it.
+    down
+        Metres below it.
+    sd
+        Give or take so many metres, in each direction (standard deviation).
+    incident
+        Name of the incident.
+    connect
+        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
+    keys
+        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
+    insecure
+        Do without keys, on one machine.
+    commander_id
+        Who says so; another name than the post's.
+
+    """
+    place = LocalPosition(
+        north_m=north, east_m=east, down_m=down, covariance_m2=(sd**2, 0.0, sd**2)
+    )
+
+    def tell(time_ns: int, sequence: int) -> Message:
+        return SetDownHere(event_time_ns=time_ns, sequence=sequence, dap_id=dap, position=place)
+
+    sayer = Sayer(incident, commander_id, connect, keys, insecure)
+    return _say(tell, sayer, "--dap", (dap,), await_outcome=_await_installation)
+
+
+def _await_installation(bus: Bus, told: Message, sender: Sender, gate: Gate) -> int:
+    """Tell a DAP where it stands until it says so: it may have to ask first who tells it."""
+    if not isinstance(told, SetDownHere):
+        raise TypeError(f"{type(told).__name__}: no DAP answers that")
+    key = sender.key(DapInstallation, told.dap_id, "dap")
+    give_up_s = time.monotonic() + ANSWER_S
+    while time.monotonic() < give_up_s:
+        sender.send(told)
+        time.sleep(ASK_PERIOD_S)
+        for received in bus.query(key, ASK_PERIOD_S):
+            parsed = parse_key(received.key)
+            if isinstance(parsed, Refusal) or gate.admit(*received) not in (None, "repeated"):
+                continue
+            said = decode(parsed, received.payload)
+            if isinstance(said, DapInstallation) and said.position == told.position:
+                return ExitCode.OK
+    _log.error(f"{told.dap_id} does not say that it stands there; is it running, and in reach?")
+    return ExitCode.FAILURE
 
 
 def _await_answer(bus: Bus, request: Message, sender: Sender, gate: Gate) -> int:
@@ -258,9 +333,12 @@ def _say(
     option: str,
     node_ids: Sequence[str],
     *,
-    awaits_answer: bool = False,
+    await_outcome: Callable[[Bus, Message, Sender, Gate], int] | None = None,
 ) -> int:
-    """Publish ``message(time_ns, sequence)`` at the time of the post's clock, once one listens."""
+    """Publish ``message(time_ns, sequence)`` at the time of the post's clock, once one listens.
+
+    ``await_outcome`` publishes it in place of this, and says what came of it.
+    """
     incident, commander_id = sayer.incident, sayer.commander_id
     try:
         check_id(incident, "--incident")
@@ -289,8 +367,8 @@ def _say(
             sender = Sender(bus, incident, "post", commander_id, outbox)
             # Every order is a process of its own: counting by the clock, none repeats another.
             said = message(now_ns, now_ns // NS_PER_MS)
-            if awaits_answer:
-                return _await_answer(bus, said, sender, gate)
+            if await_outcome is not None:
+                return await_outcome(bus, said, sender, gate)
             sender.send(said)
             return ExitCode.OK
     except ValueError as error:
