@@ -12,7 +12,7 @@ import command_post.__main__
 import dap_node.__main__
 import edge_agent.__main__
 from command_post.recording_file import RecordingFile
-from dap_node.commands import serve
+from dap_node.commands import rehearse
 from shared.files import held_alone
 from shared.process import ExitCode
 
@@ -35,7 +35,7 @@ def test_help_begins_with_an_example(app: App, capsys: pytest.CaptureFixture[str
 
 
 def test_a_rehearsal_cannot_go_into_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serve, "quieten_logging", lambda: None)
+    monkeypatch.setattr(rehearse, "quieten_logging", lambda: None)
     place = tmp_path / "file"
     place.touch()
     for app in (DAP, AGENT):
