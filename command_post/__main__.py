@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+
 from cyclopts import App
 
-from command_post.commands.afterwards import afterwards
-from command_post.commands.doctor import doctor
-from command_post.commands.keys import keys
-from command_post.commands.live import demo, run
-from command_post.commands.offline import montecarlo, plan, rehearse
-from command_post.commands.orders import click, floor, order, set_down
-from command_post.commands.people import people
-from command_post.commands.prepare import prepare
-from command_post.commands.proof import proof
-from command_post.commands.recordings import salvage_file, verify
-from command_post.commands.scoring import replay, score_file
 from shared.command_line import run_command_line
 
 app = App(
@@ -25,29 +16,40 @@ app = App(
     """,
     version_flags=["--version"],
 )
-app.command(run)
-app.command(demo)
-app.command(click)
-app.command(floor)
-app.command(order)
-app.command(set_down)
-app.command(replay)
-app.command(score_file, name="score")
-app.command(afterwards)
-app.command(rehearse)
-app.command(montecarlo)
-app.command(plan)
-app.command(proof)
-app.command(verify)
-app.command(salvage_file, name="salvage")
-app.command(prepare)
-app.command(doctor)
-app.command(keys)
-app.command(people)
+COMMANDS = (
+    "live:run",
+    "demo:demo",
+    "orders:click",
+    "orders:floor",
+    "orders:order",
+    "orders:set_down",
+    "scoring:replay",
+    "scoring:score_file",
+    "afterwards:afterwards",
+    "offline:rehearse",
+    "offline:montecarlo",
+    "offline:plan",
+    "proof:proof",
+    "recordings:verify",
+    "recordings:salvage_file",
+    "prepare:prepare",
+    "doctor:doctor",
+    "keys:keys",
+    "people:people",
+)
+"""Where each is. Its module is loaded once it is asked for: a killed post is to be back soon."""
+
+for command in COMMANDS:
+    name = command.partition(":")[2].removesuffix("_file")
+    app.command(f"command_post.commands.{command}", name=name)
 
 
 def main() -> None:
     """Run the command line of this process, and exit with what its command returns."""
+    if sys.argv[1:] in ([], ["-h"], ["--help"]):
+        # What each command is for stands in its own module.
+        for each in app:
+            app[each]
     run_command_line(app)
 
 

@@ -29,10 +29,10 @@ from shared.bus.interface import Received
 from shared.files import replace_atomically
 from shared.gate import Remembered
 
-WORTH_S = 2.0
+WORTH_S = 1.0
 """So much work is not to be done again after a kill."""
 
-SHARE = 0.005
+SHARE = 0.02
 """Of the time at most so much goes into keeping it: all that comes meanwhile has to wait."""
 
 MOST_HALT_S = 1.0

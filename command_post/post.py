@@ -294,7 +294,9 @@ class Post:
         now_ns = self._clock.now_ns()
         if now_ns > self._passed_ns:
             self._passed_ns = now_ns
+            began_s = time.perf_counter()
             self._publish(self._recorded.pass_time(now_ns))
+            self._note_work(time.perf_counter() - began_s)
 
     def _handled_at_ns(self, came_ns: int) -> int:
         """Return as of when to handle what came then: not before time was said to have passed.
@@ -322,12 +324,15 @@ class Post:
             took_s = time.perf_counter() - began_s
             if self._metrics is not None:
                 self._metrics.handled(took_s)
-            if self._checkpoints is not None:
-                self._checkpoints.work(took_s)
+            self._note_work(took_s)
             if self._incident.refused > refused:
                 self._reception.blame(received)
         for notice in self._incident.take_notices():
             _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
+
+    def _note_work(self, took_s: float) -> None:
+        if self._checkpoints is not None:
+            self._checkpoints.work(took_s)
 
     def _has_room(self) -> bool:
         return len(self._inbox) < MOST_WAITING

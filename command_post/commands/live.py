@@ -1,26 +1,21 @@
-"""``command-post run`` and ``command-post demo``: the post at work."""
+"""``command-post run``: the post at work."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import Event
 from typing import Annotated
 
-import msgspec
 import structlog
-from cyclopts import Parameter, validators
+from cyclopts import Parameter
 from rich.console import Console
 from rich.live import Live
 
 from command_post.checkpoint import Checkpoints, checkpoint_path, load
 from command_post.commands.prepare import make_ready
-from command_post.commands.scoring import read_evidence, show_score
-from command_post.demo import DemoError, DemoSettings, run_demo
-from command_post.evaluation.errors import measure
-from command_post.evaluation.score_card import score
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
@@ -34,33 +29,23 @@ from command_post.table import roster_table
 from command_post.web.server import page_address, page_served
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
-from shared.config import ConfigError, checked
+from shared.config import checked
 from shared.continued_clock import continued_clock
-from shared.files import (
-    FileHeldError,
-    FolderHeldError,
-    file_held_alone,
-    held_alone,
-    replace_atomically,
-)
+from shared.files import FileHeldError, file_held_alone
 from shared.gate import Gate
 from shared.introductions import Introductions
-from shared.mcap_reader import RecordingError, read_recording
+from shared.mcap_reader import read_recording
 from shared.process import (
     ExitCode,
     ended_by_signals,
-    quieten_logging,
     stop_on_signals,
     stop_with_parent,
 )
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.sender import Unkept
-from shared.simulation.scenario import load_scenario
 from shared.stations import read_stations
 from shared.topics import check_id
-
-Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -210,79 +195,3 @@ def _shown(table: bool) -> Iterator[Callable[[Roster], None]]:
         return
     with Live(console=Console(file=sys.stdout), auto_refresh=False) as live:
         yield lambda roster: live.update(roster_table(roster), refresh=True)
-
-
-def demo(
-    *,
-    scenario: str = "four_daps",
-    seed: Seed = 1,
-    speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1000.0))] = 1.0,
-    method: str | None = None,
-    output: Path = Path("clew-demo"),
-    json: bool = False,
-) -> int:
-    """Run a simulated incident, every node its own process, and score it.
-
-    Leaves a recording, a picture of the tracks and each process's log in the output folder.
-    Example: command-post demo --speed 10
-
-    Parameters
-    ----------
-    scenario
-        A packaged scenario's name, or a TOML file.
-    seed
-        Of the simulated world and of the fusion.
-    speed
-        How many times as fast as real.
-    method
-        How the agents read their boots: eskf or linear; the agents' own default if not given.
-    output
-        Folder for what it leaves; what an earlier demo left there is replaced.
-    json
-        Print the score as one JSON object, and no table.
-
-    """
-    with ExitStack() as held:
-        try:
-            loaded = load_scenario(scenario)
-            settings = DemoSettings(
-                scenario, loaded, seed, speed, method, output, shows_table=not json
-            )
-            settings.logs.mkdir(parents=True, exist_ok=True)
-            held.enter_context(held_alone(output))
-            settings.clear()
-        except (ConfigError, FolderHeldError, ValueError) as error:
-            _log.error(str(error))
-            return ExitCode.USAGE
-        except OSError as error:
-            _log.error(f"{error.filename}: {error.strerror}; give another --output")
-            return ExitCode.USAGE
-        return _run(settings, json=json)
-
-
-def _run(settings: DemoSettings, *, json: bool) -> int:
-    """Run a demo to its score, or as far as it gets."""
-    quieten_logging()
-    console = Console(stderr=True)
-    try:
-        with stop_on_signals() as stop:
-            finished = run_demo(settings, stop, lambda text: console.print(text, highlight=False))
-        if not finished:
-            console.print(f"recording: {settings.recording}", highlight=False)
-            return ExitCode.INTERRUPTED
-        return _tell(settings, console, json=json)
-    except (DemoError, RecordingError, OSError) as error:
-        _log.error(str(error))
-        return ExitCode.FAILURE
-
-
-def _tell(settings: DemoSettings, console: Console, *, json: bool) -> int:
-    """Score the recording of a demo that has ended, and say where its files are."""
-    console.print(f"recording: {settings.recording}", highlight=False)
-    evidence = read_evidence(settings.recording)
-    told = score(measure(evidence))
-    with replace_atomically(settings.score) as file:
-        file.write(msgspec.json.format(msgspec.json.encode(told)))
-    show_score(told, evidence, settings.scenario.building, picture=settings.picture, json=json)
-    console.print(f"picture: {settings.picture}", highlight=False)
-    return ExitCode.OK

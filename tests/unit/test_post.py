@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Thread
@@ -10,6 +10,7 @@ from threading import Event, Thread
 import pytest
 from msgspec import structs
 
+from command_post.checkpoint import Checkpoints
 from command_post.commands.scoring import read_evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
@@ -97,6 +98,7 @@ def serving(
     *,
     follows_exercise: bool = False,
     stations: StationTable | None = None,
+    checkpoints: Callable[[Recorder], Checkpoints | None] = lambda _: None,
 ) -> Iterator[tuple[Bus, ManualClock, list[Roster]]]:
     """Run a post; give the bus of somebody else, the post's clock and what it shows."""
     clock, shown, stop = ManualClock(NOW_NS), list[Roster](), Event()
@@ -108,6 +110,7 @@ def serving(
         post = Post(
             bus, Incident(SETTINGS), recorder, clock,
             follows_exercise=follows_exercise, show=shown.append, stations=stations,
+            checkpoints=checkpoints(recorder),
         )  # fmt: skip
         if recorder.unfinished is not None:
             post.take_up(read_recording(recorder.unfinished), None)
@@ -248,6 +251,39 @@ def test_what_is_on_the_disk_is_receipted_and_what_is_lost_comes_again(tmp_path:
         wait_for(lambda: receipts, "a receipt")
     assert receipts[0].safe == (SafeUpTo(role="responder", node_id="r1", run=run.hex(), number=3),)
     assert not any("receipt" in name for name in recorded_keys(tmp_path / "a.mcap"))
+
+
+class WatchedWork(Checkpoints):
+    """Notes how often work was done."""
+
+    times = 0
+
+    def work(self, seconds: float) -> None:
+        """Note that handling has taken so long."""
+        super().work(seconds)
+        self.times += 1
+
+
+def test_what_becomes_due_while_nothing_is_heard_is_work_too(tmp_path: Path) -> None:
+    watched: list[WatchedWork] = []
+
+    def checkpoints(recorder: Recorder) -> Checkpoints:
+        watched.append(WatchedWork(tmp_path / "state", recorder))
+        return watched[0]
+
+    said: list[Received] = []
+    path = tmp_path / "a.mcap"
+    with serving(MemoryNetwork(), path, checkpoints=checkpoints) as (other, clock, shown):
+        other.subscribe(key("track", "post", "p"), said.append)
+        other.publish(key("start"), start())
+        # Still to come by the post's clock: it is held until then.
+        other.publish(key("increment"), stride(8))
+        wait_for(lambda: shown and shown[-1].responders, "the responder in the roster")
+        wait_for(lambda: watched[0].times == 2, "both to be handled")
+        before = len(said)
+        clock.set_ns(NOW_NS + 5 * NS_PER_S)
+        wait_for(lambda: len(said) > before, "the estimate of the stride")
+    assert watched[0].times > 2
 
 
 def test_a_post_that_was_killed_goes_on_where_it_was(tmp_path: Path) -> None:
