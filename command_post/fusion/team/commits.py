@@ -34,11 +34,11 @@ from command_post.fusion.team.solving import Solved, commit
 from command_post.fusion.team.suspicions import supposed
 from shared.units import NS_PER_S
 
-KEPT = 720
+KEPT = 90
 KEPT_OF_A_CROWD = 30
 KEPT_ELSEWHERE = 60
 KEYFRAME_EVERY = 30
-"""Of a crowd older periods are kept now and then: an event as late has those between made again."""
+"""Older periods are kept now and then: an event as late has those between made again."""
 
 
 class Commit(NamedTuple):
@@ -203,7 +203,7 @@ class Commits:
         if not first:
             return
         for number, before in zip(made[:first], [-1, *made], strict=False):
-            if not is_crowd or number // KEYFRAME_EVERY == before // KEYFRAME_EVERY:
+            if number // KEYFRAME_EVERY == before // KEYFRAME_EVERY:
                 del self._periods[number]
         self._kept_since = max(self._kept_since, made[first])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from bisect import bisect_right, insort
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
@@ -28,6 +29,9 @@ Ints: TypeAlias = NDArray[np.int64]
 
 END_OF_TIME_NS = 2**63 - 1
 MOST_RESPONDERS = 2048
+
+BLOCK, UNPACKED = 256, 512
+"""Messages are packed so many at a time; so many of the newest are not."""
 
 ANYWHERE = LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(1e6, 0.0, 1e6))
 """Where a DAP is put of which it is not known where it stands."""
@@ -108,30 +112,41 @@ class Moves(NamedTuple):
 
 
 class MoveLog:
-    """Increments in the order of their time; one that is late is put where it belongs."""
+    """Increments in the order of their time; one that is late is put where it belongs.
+
+    What was told long ago is rarely asked for as it was told: but for the newest, the messages are
+    kept packed, ``BLOCK`` by ``BLOCK``.
+    """
 
     def __init__(self) -> None:
         self._times = np.empty((64, 3), np.int64)
         self._values = np.empty((64, 7))
+        self._packed: list[bytes] = []
         self._messages: list[OdometryIncrement] = []
+        """Those behind the packed ones."""
+
+        self._skipped = 0
+        """So many of the first packed ones are not of this log."""
+
         self._count = 0
 
     def __len__(self) -> int:
         return self._count
 
-    def __getstate__(self) -> tuple[Ints, Floats, bytes]:
+    def __getstate__(self) -> tuple[Ints, Floats, list[bytes], bytes, int]:
         """Return it packed: the messages as on the wire, which is many times as fast."""
-        count = self._count
-        messages = msgspec.msgpack.encode(self._messages)
-        return self._times[:count], self._values[:count], messages
+        count, messages = self._count, msgspec.msgpack.encode(self._messages)
+        return self._times[:count], self._values[:count], self._packed, messages, self._skipped
 
-    def __setstate__(self, state: tuple[Ints, Floats, bytes]) -> None:
+    def __setstate__(self, state: tuple[Ints, Floats, list[bytes], bytes, int]) -> None:
         """Take what ``__getstate__`` returned."""
-        times, values, messages = state
+        times, values, packed, messages, skipped = state
         self.__init__()  # type: ignore[misc]
         self._times = np.concatenate([times, self._times])
         self._values = np.concatenate([values, self._values])
+        self._packed = packed
         self._messages = msgspec.msgpack.decode(messages, type=list[OdometryIncrement])
+        self._skipped = skipped
         self._count = len(times)
 
     def add(self, increment: OdometryIncrement) -> bool:
@@ -147,7 +162,7 @@ class MoveLog:
             return False
         for table in (self._times, self._values):
             table[at + 1 : self._count + 1] = table[at : self._count].copy()
-        self._messages.insert(at, increment)
+        self._insert(at, increment)
         self._times[at] = increment.event_time_ns, increment.start_time_ns, increment.sequence
         nn, ee, dd, hh = (increment.covariance[entry] for entry in (0, 4, 7, 9))
         self._values[at] = (
@@ -156,6 +171,24 @@ class MoveLog:
         )  # fmt: skip
         self._count += 1
         return True
+
+    def _insert(self, at: int, increment: OdometryIncrement) -> None:
+        """Put a message at its place, those behind it being unpacked for that."""
+        while at < len(self._packed) * BLOCK:
+            self._messages = _unpack(self._packed.pop()) + self._messages
+        self._messages.insert(at - len(self._packed) * BLOCK, increment)
+        # While late ones come to one place they are not packed again each time.
+        while at == self._count and len(self._messages) >= UNPACKED + BLOCK:
+            self._packed.append(_pack(self._messages[:BLOCK]))
+            self._messages = self._messages[BLOCK:]
+
+    def _told_since(self, first: int) -> list[OdometryIncrement]:
+        first += self._skipped
+        block, behind = divmod(first, BLOCK)
+        packed = [each for data in self._packed[block:] for each in _unpack(data)]
+        if packed:
+            return packed[behind:] + self._messages
+        return self._messages[first - len(self._packed) * BLOCK :]
 
     @property
     def last_heading_rad(self) -> float:
@@ -168,17 +201,13 @@ class MoveLog:
         end_ns, start_ns, sequence = self._times[:count].T
         return Moves(end_ns, start_ns, sequence, self._values[:count])
 
-    def messages(self) -> list[OdometryIncrement]:
-        """Return all moves as they were told."""
-        return self._messages
-
     def messages_until(self, time_ns: int) -> list[OdometryIncrement]:
         """Return the moves that ended by ``time_ns`` as they were told."""
-        return self._messages[: self.until(time_ns).end_ns.size]
+        return self._told_since(0)[: self.until(time_ns).end_ns.size]
 
     def messages_after(self, time_ns: int) -> list[OdometryIncrement]:
         """Return the moves that ended after ``time_ns`` as they were told."""
-        return self._messages[self.until(time_ns).end_ns.size :]
+        return self._told_since(self.until(time_ns).end_ns.size)
 
     def later_than(self, time_ns: int) -> MoveLog:
         """Return the log of the moves that ended after ``time_ns``, to be read only."""
@@ -186,7 +215,10 @@ class MoveLog:
         later = MoveLog()
         later._times = self._times[first : self._count]
         later._values = self._values[first : self._count]
-        later._messages = self._messages[first:]
+        packed = min((first + self._skipped) // BLOCK, len(self._packed))
+        later._packed = self._packed[packed:]
+        later._skipped = first + self._skipped - packed * BLOCK
+        later._messages = self._messages.copy()
         later._count = self._count - first
         return later
 
@@ -196,6 +228,14 @@ class MoveLog:
         first = max(first - before, 0)
         end_ns, start_ns, sequence = self._times[first : self._count].T
         return Moves(end_ns, start_ns, sequence, self._values[first : self._count])
+
+
+def _pack(messages: list[OdometryIncrement]) -> bytes:
+    return zlib.compress(msgspec.msgpack.encode(messages), 1)
+
+
+def _unpack(packed: bytes) -> list[OdometryIncrement]:
+    return msgspec.msgpack.decode(zlib.decompress(packed), type=list[OdometryIncrement])
 
 
 @dataclass
