@@ -40,7 +40,7 @@ COMMANDS = (
 """Where each is. Its module is loaded once it is asked for: a killed post is to be back soon."""
 
 for command in COMMANDS:
-    name = command.partition(":")[2].removesuffix("_file")
+    name = command.partition(":")[2].removesuffix("_file").replace("_", "-")
     app.command(f"command_post.commands.{command}", name=name)
 
 

@@ -15,6 +15,7 @@ from threading import Event, Thread
 from typing import NamedTuple
 
 import structlog
+from msgspec import structs
 
 from command_post.checkpoint import Checkpoints, Kept, State
 from command_post.company import Company
@@ -125,7 +126,7 @@ class Post:
         self._show = show
         self._remarks = tuple(remarks)
         self._gate = gate or Gate()
-        self._voice = Voice(bus, outbox)
+        self._voice = Voice(bus, outbox, recorder.when_safe)
         self._sign = sign
         self._safekeeping = Safekeeping(self._gate, recorder)
         self._recorded = RecordedIncident(incident, recorder, self._safekeeping.lose)
@@ -207,6 +208,7 @@ class Post:
             if not heard:
                 self._pass_time()
             self._heed_page()
+            self._voice.promise()
             self._give_receipts()
             self._keep_state()
             if time.monotonic() >= next_show_s:
@@ -358,7 +360,8 @@ class Post:
         """Say again what somebody who is alive has not acknowledged."""
         alive, now_ns = self._company.responders, self._clock.now_ns()
         for order in self._repeats.due(self._incident.orders, alive, now_ns):
-            self._voice.say_again(self._incident.said(order))
+            again = structs.replace(order, said_ns=now_ns)
+            self._voice.say([self._incident.said(again)])
 
     def _tell_stations(self, *, some_came: bool) -> None:
         """Say whose radios are whose if it is due; the first time for the record as well."""

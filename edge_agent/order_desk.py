@@ -15,11 +15,15 @@ from shared.bus.interface import Bus, Received
 from shared.clock import Clock
 from shared.codec import Refusal, decode, parse_key
 from shared.gate import Gate
-from shared.messages import NodeId, Order, OrderReply
+from shared.messages import NodeId, Order, OrderReply, TimeNs
 from shared.sender import Sender
 from shared.topics import Key
+from shared.units import NS_PER_S
 
 POLL_S = 0.2
+FRESH_NS = 30 * NS_PER_S
+"""An order is not heeded that was said so much longer ago: the post says it again every 3 s."""
+
 MOST_ORDERS = 1024
 """Orders that wait to be read; the post says again what was lost."""
 
@@ -42,13 +46,19 @@ class OrderDesk:
         clock: Clock,
         acknowledged: threading.Event,
         tell: Callable[[Order], None],
+        post_time_ns: Callable[[NodeId], TimeNs | None],
     ) -> None:
+        """``post_time_ns``: what time it is at a post, as far as that is known."""
         self._book = book
         self._sender = sender
         self._gate = gate
         self._clock = clock
         self._acknowledged = acknowledged
         self._tell = tell
+        self._post_time_ns = post_time_ns
+        self.stale = 0
+        """How much was said long ago, or nobody knows when."""
+
         self._inbox: Inbox[Received] = Inbox(MOST_ORDERS)
         self._stop = threading.Event()
         # No daemon: it is inside Zenoh when it replies.
@@ -79,16 +89,33 @@ class OrderDesk:
 
     def _heed(self, received: Received) -> None:
         key = parse_key(received.key)
-        if isinstance(key, Refusal) or self._gate.admit(*received) is not None:
+        # Said twice it may be: it is told once, and tells itself when it was said.
+        if isinstance(key, Refusal) or self._gate.doubt(*received) is not None:
             return
         order = decode(key, received.payload)
-        if not isinstance(order, Order):
+        if not isinstance(order, Order) or not self._is_fresh(order):
             return
         if self._book.take(key, order):
             self._tell(order)
             self._reply(order, "received")
         elif key.node_id != self._book.post_id and self._book.strangers == 1:
             _log.warning("an order of somebody else than the post is not heeded", of=key.node_id)
+
+    def _is_fresh(self, order: Order) -> bool:
+        """Whether the post says it now: who relays can keep an order, and say it long after.
+
+        While it is not known what time it is at the post, nothing is heeded: the post says again
+        what stands.
+        """
+        now_ns = self._post_time_ns(self._book.post_id)
+        said_ns = order.event_time_ns if order.said_ns is None else order.said_ns
+        if now_ns is not None and now_ns - said_ns <= FRESH_NS:
+            return True
+        self.stale += 1
+        if self.stale == 1:
+            age_s = None if now_ns is None else round((now_ns - said_ns) / NS_PER_S, 1)
+            _log.warning("an order said long ago, or not known when, waits", age_s=age_s)
+        return False
 
     def _reply(self, order: Order, stage: Literal["received", "acknowledged"]) -> None:
         self._sender.send(

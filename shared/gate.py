@@ -102,12 +102,25 @@ class Gate:
         key = parse_key(key_text)
         if isinstance(key, Refusal) or len(payload) > MAX_PAYLOAD_BYTES:
             return None
-        why = self._judge(key, key_text, payload)
+        return self._counted(key, self._judge(key, key_text, payload))
+
+    def _counted(self, key: Key, why: Turned | None) -> Turned | None:
         if why is not None:
             kind = (why, key.node_id)
             full = len(self.turned) >= MOST_TURNED and kind not in self.turned
             self.turned[(why, UNNAMED) if full else kind] += 1
         return why
+
+    def doubt(self, key_text: str, payload: bytes) -> Turned | None:
+        """Return why it is not believed who says these bytes; when, and how often, is not asked.
+
+        For what tells by itself when it was said.
+        """
+        key = parse_key(key_text)
+        if isinstance(key, Refusal):
+            return None
+        why = self._disbelieved(key, key_text, read_seal(payload))
+        return self._counted(key, why)
 
     def remembered(self) -> Remembered:
         """Return what it knows, which goes on changing: for another that is to know the same."""
@@ -154,15 +167,15 @@ class Gate:
 
     def _judge(self, key: Key, key_text: str, payload: bytes) -> Turned | None:
         seal = read_seal(payload)
+        why = self._disbelieved(key, key_text, seal)
+        return why if seal is None or why is not None else self._take(key, key_text, payload, seal)
+
+    def _disbelieved(self, key: Key, key_text: str, seal: Seal | None) -> Turned | None:
+        if self._verifier is None:
+            return None
         if seal is None:
-            return None if self._verifier is None else "unsealed"
-        if self._verifier is not None:
-            if seal.signature is None:
-                return "unsigned"
-            why = self._verifier.verdict(key, key_text, seal)
-            if why is not None:
-                return why
-        return self._take(key, key_text, payload, seal)
+            return "unsealed"
+        return "unsigned" if seal.signature is None else self._verifier.verdict(key, key_text, seal)
 
     def _take(self, key: Key, key_text: str, payload: bytes, seal: Seal) -> Turned | None:
         if TOPICS[key.topic].journalled:

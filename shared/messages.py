@@ -410,11 +410,14 @@ class Order(Message, frozen=True, kw_only=True):
     """The post orders responders: those in ``to``, everybody if that is empty.
 
     It stands until each has acknowledged it. With the key it came under, ``sequence`` names it.
+    ``said_ns`` is when the post says it again, on its own clock; ``None`` when it says it first. So
+    who hears it can tell it from what somebody kept and says long after.
     """
 
     kind: OrderKind
     to: Annotated[tuple[NodeId, ...], Meta(max_length=256)]
     text: Annotated[str, Meta(max_length=200)]
+    said_ns: TimeNs | None = None
 
 
 class OrderRequest(Message, frozen=True, kw_only=True):

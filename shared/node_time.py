@@ -9,7 +9,7 @@ from shared.bus.interface import Bus
 from shared.clock import PacedClock, SystemClock
 from shared.clock_spans import ClockSpans, DatedSpan, boot_id
 from shared.gate import Verifier
-from shared.messages import ClockStatement, NodeId
+from shared.messages import ClockStatement, NodeId, TimeNs
 from shared.outbox import JournalledOutbox
 from shared.time_service import TimeAsker
 
@@ -51,6 +51,10 @@ class NodeTime:
 
     def __exit__(self, *_: object) -> None:
         self._asker.__exit__()
+
+    def post_time_ns(self, post_id: NodeId) -> TimeNs | None:
+        """Return what time it is at a post; ``None`` while it has not said so."""
+        return self._asker.post_time_ns(post_id)
 
     def statement(self, run: bytes) -> ClockStatement | None:
         """Return what is known of the clock, and of what dated the journal with that ``run``.

@@ -9,6 +9,7 @@ an older one is of no use.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Collection, Mapping
 from typing import NamedTuple, Self
 
@@ -29,6 +30,7 @@ QUICK_EXCHANGES = 6
 
 PERIOD_S = 4.0
 ASK_TIMEOUT_S = 1.0
+MOST_POSTS = 64
 PATIENCE = 5
 """A post that leaves so many questions unanswered is no longer kept to if another answers."""
 
@@ -106,6 +108,7 @@ class TimeAsker:
         self._verifier = verifier
         self._lock = threading.Lock()
         self._post = _Asked("", clock.pace)
+        self._told: dict[NodeId, _Told] = {}
         self._stop = threading.Event()
         # No daemon: it is inside Zenoh when it asks.
         self._thread = threading.Thread(target=self._run, name="time", daemon=False)
@@ -126,22 +129,42 @@ class TimeAsker:
             return None
         return StatedOffset(post.post_id, offset)
 
+    def post_time_ns(self, post_id: NodeId) -> TimeNs | None:
+        """Return what time it is at a post by its last answer; ``None`` before it has answered.
+
+        It may be behind by as long as an answer is under way, and is at whatever pace that post's
+        clock runs.
+        """
+        with self._lock:
+            told = self._told.get(post_id)
+        if told is None:
+            return None
+        return told.answered_ns + round((time.monotonic_ns() - told.at_ns) * told.pace)
+
     def ask(self) -> bool:
         """Ask once; say whether there was an answer that could be used."""
         pace, asked_ns = self._clock.pace, self._clock.now_ns()
         replies = self._bus.query(self._keys, ASK_TIMEOUT_S, _encode(TimeQuestion(asked_ns)))
-        back_ns = self._clock.now_ns()
-        if pace != self._clock.pace:
-            return False
-        exchanges = {
-            reply.key.split("/")[-2]: Exchange(
-                asked_ns, answer.heard_ns, answer.answered_ns, back_ns
-            )
+        back_ns, at_ns = self._clock.now_ns(), time.monotonic_ns()
+        answers = {
+            reply.key.split("/")[-2]: answer
             for reply in replies
             if (answer := _read(reply.payload)) is not None
             and self._is_signed(reply.key, answer)
             and answer.asked_ns == asked_ns
-            and answer.pace == pace
+        }
+        told = {
+            post_id: _Told(answer.answered_ns, answer.pace, at_ns)
+            for post_id, answer in answers.items()
+        }
+        with self._lock:
+            self._told = told if len(self._told) >= MOST_POSTS else {**self._told, **told}
+        if pace != self._clock.pace:
+            return False
+        exchanges = {
+            post_id: Exchange(asked_ns, answer.heard_ns, answer.answered_ns, back_ns)
+            for post_id, answer in answers.items()
+            if answer.pace == pace
         }
         with self._lock:
             return self._choose(exchanges, pace).take(exchanges)
@@ -168,6 +191,14 @@ class TimeAsker:
         while not self._stop.is_set():
             asked += self.ask()
             self._stop.wait(QUICK_PERIOD_S if asked < QUICK_EXCHANGES else PERIOD_S)
+
+
+class _Told(NamedTuple):
+    """What a post's clock read, and its pace, when the steady clock of this process read so."""
+
+    answered_ns: TimeNs
+    pace: float
+    at_ns: int
 
 
 class _Asked:

@@ -310,7 +310,10 @@ def _await_answer(bus: Bus, request: Message, sender: Sender, gate: Gate) -> int
             answer = decode(key, received.payload)
             if isinstance(answer, OrderAnswer) and _answers(answer, sender.node_id, request):
                 return _say_answer(answer)
-    _log.error("the post does not answer; see its log, and whether the order is in its table")
+    _log.error(
+        "the post does not answer: it cannot be reached, or its disk does not keep the order; see"
+        " its log, and whether the order is in its table"
+    )
     return ExitCode.FAILURE
 
 

@@ -167,7 +167,7 @@ def run(
             with (
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement),
-                _order_desk(node, check_id(post_id, "--post"), acknowledged),
+                _order_desk(node, check_id(post_id, "--post"), acknowledged, node_time),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
                 if await_start:
@@ -182,11 +182,11 @@ def run(
     return ExitCode.OK
 
 
-def _order_desk(node: Node, post_id: NodeId, acknowledged: Event) -> OrderDesk:
+def _order_desk(node: Node, post_id: NodeId, acknowledged: Event, node_time: NodeTime) -> OrderDesk:
     """Return where the orders of the post ``post_id`` come in."""
     return OrderDesk(
         node.bus, node.incident, OrderBook(node.node_id, post_id), node.sender(),
-        Gate(node.verifier), node.clock, acknowledged, tell_wearer,
+        Gate(node.verifier), node.clock, acknowledged, tell_wearer, node_time.post_time_ns,
     )  # fmt: skip
 
 

@@ -68,6 +68,7 @@ class Unit:
             clock,
             self._acknowledged,
             self._tell,
+            lambda _: clock.now_ns(),
         )
         self._sender = sender
         bus.declare_alive(alive_key(FIRE, "responder", "r1"))

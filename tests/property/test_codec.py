@@ -42,7 +42,7 @@ WIRE_FIELDS = {
     "dap_place": "event_time_ns sequence dap_id position",
     "beat": "event_time_ns sequence run last_number kept_from acknowledged clock",
     "receipt": "event_time_ns sequence safe",
-    "order": "event_time_ns sequence kind to text",
+    "order": "event_time_ns sequence kind to text said_ns",
     "order_request": "event_time_ns sequence kind to text",
     "alert": "event_time_ns sequence number kind role node_id since_ns stage words by assigned_to",
     "alert_request": "event_time_ns sequence number stage assigned_to",
@@ -56,7 +56,7 @@ WIRE_FIELDS = {
 
 ADDED_SINCE = {
     "activity", "activity_confidence", "facing_sd_rad", "pressure_pa", "pressure_rows",
-    "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans",
+    "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 

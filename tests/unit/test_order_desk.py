@@ -7,8 +7,9 @@ import signal
 import threading
 
 import pytest
+from msgspec import structs
 
-from edge_agent.order_desk import OrderDesk, tell_wearer
+from edge_agent.order_desk import FRESH_NS, OrderDesk, tell_wearer
 from edge_agent.orders import MOST_KNOWN, OrderBook
 from shared.bus.memory import MemoryNetwork
 from shared.clock import ManualClock
@@ -20,12 +21,13 @@ from shared.sender import Sender, Unkept
 from shared.topics import Key
 from tests.waiting import wait_for
 
+ORDERED_NS = 10**18
 POST = Key("fire", "post", "post", "order")
 
 
 def order(sequence: int, *to: str, kind: str = "evacuate") -> Order:
     return Order(
-        event_time_ns=10**18, sequence=sequence, kind=kind, to=to, text="by the north stair",  # type: ignore[arg-type]
+        event_time_ns=ORDERED_NS, sequence=sequence, kind=kind, to=to, text="by the north stair",  # type: ignore[arg-type]
     )  # fmt: skip
 
 
@@ -37,6 +39,7 @@ class Unit:
         self.told: list[Order] = []
         self.replies: list[tuple[int, str]] = []
         self.acknowledged = threading.Event()
+        self.post_time_ns: int | None = ORDERED_NS + FRESH_NS
         self.post = Sender(network.connect(), "fire", "post", "post", Unkept())
         self.bus = network.connect()
         self.bus.subscribe("clew/v1/fire/responder/r1/order_reply", lambda got: self._hear(*got))
@@ -44,6 +47,7 @@ class Unit:
         self.desk = OrderDesk(
             network.connect(), "fire", self.book, Sender(self.bus, "fire", "responder", "r1"),
             gate or Gate(), ManualClock(5), self.acknowledged, self.told.append,
+            lambda post_id: self.post_time_ns if post_id == "post" else None,
         )  # fmt: skip
 
     def _hear(self, key_text: str, payload: bytes) -> None:
@@ -85,6 +89,26 @@ def test_all_that_was_told_is_acknowledged_and_nothing_that_comes_later() -> Non
         (1, "received"), (2, "received"), (1, "acknowledged"), (2, "acknowledged"),
         (3, "received"),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_what_was_ordered_long_ago_is_heeded_once_the_post_says_it_again(known: bool) -> None:
+    unit = Unit()
+    unit.post_time_ns = ORDERED_NS + FRESH_NS + 1 if known else None
+    unit.post.send(order(1, "r1"))
+    unit.desk.attend()
+    assert (unit.told, unit.replies, unit.desk.stale) == ([], [], 1)
+    unit.post_time_ns = ORDERED_NS + 10 * FRESH_NS
+    again = structs.replace(order(1, "r1"), said_ns=unit.post_time_ns - FRESH_NS)
+    payload = unit.post.send(again)
+    unit.desk.attend()
+    assert (unit.told, unit.replies) == ([again], [(1, "received")])
+    # A unit that has just begun, and hears it from who kept it.
+    fresh = Unit()
+    fresh.post_time_ns = unit.post_time_ns + 1
+    fresh.bus.publish(str(POST), payload)
+    fresh.desk.attend()
+    assert (fresh.told, fresh.desk.stale) == ([], 1)
 
 
 def test_what_others_are_ordered_and_what_strangers_order_is_not_heeded() -> None:

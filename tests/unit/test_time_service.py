@@ -81,8 +81,13 @@ def test_a_node_finds_its_offset_however_uneven_the_ways(
 def test_who_does_not_know_of_the_exercise_states_nothing() -> None:
     world = World(0)
     world.post.run_from(START_NS, 10.0)
+    assert world.asker.post_time_ns("post") is None
     assert not world.asker.ask()
     assert world.asker.stated() is None
+    # What time it is there is known all the same.
+    at_post_ns = world.asker.post_time_ns("post")
+    assert at_post_ns is not None
+    assert START_NS <= at_post_ns < START_NS + 3600 * NS_PER_S
     world.node.run_from(START_NS, 10.0)
     assert world.asker.ask()
     stated = world.asker.stated()
@@ -145,7 +150,9 @@ def test_only_the_post_itself_turns_a_nodes_clock(tmp_path: Path) -> None:
     assert [said_by("dap1"), said_by(None), said_by("post", "clew/v1/other/post/post/time")] == [
         False, False, False,
     ]  # fmt: skip
+    assert asker.post_time_ns("post") is None
     assert said_by("post")
+    assert asker.post_time_ns("post") is not None
 
 
 def _garbage(_: int) -> bytes:
