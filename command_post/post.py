@@ -144,6 +144,7 @@ class Post:
         """What has set the clock."""
 
         self._checkpoints = checkpoints
+        self._note_work = checkpoints.work if checkpoints is not None else lambda _: None
         self._repeats = OrderRepeats()
         self._stations = StationNotice(stations)
 
@@ -208,7 +209,6 @@ class Post:
             if not heard:
                 self._pass_time()
             self._heed_page()
-            self._voice.promise()
             self._give_receipts()
             self._keep_state()
             if time.monotonic() >= next_show_s:
@@ -332,10 +332,6 @@ class Post:
         for notice in self._incident.take_notices():
             _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
 
-    def _note_work(self, took_s: float) -> None:
-        if self._checkpoints is not None:
-            self._checkpoints.work(took_s)
-
     def _has_room(self) -> bool:
         return len(self._inbox) < MOST_WAITING
 
@@ -360,8 +356,7 @@ class Post:
         """Say again what somebody who is alive has not acknowledged."""
         alive, now_ns = self._company.responders, self._clock.now_ns()
         for order in self._repeats.due(self._incident.orders, alive, now_ns):
-            again = structs.replace(order, said_ns=now_ns)
-            self._voice.say([self._incident.said(again)])
+            self._voice.say([self._incident.said(structs.replace(order, said_ns=now_ns))])
 
     def _tell_stations(self, *, some_came: bool) -> None:
         """Say whose radios are whose if it is due; the first time for the record as well."""

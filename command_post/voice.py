@@ -40,8 +40,12 @@ class Voice:
         return received in self._said
 
     def say(self, outgoing: Sequence[Outgoing]) -> list[Received]:
-        """Publish all of it but what waits, and return it as it went out."""
-        said = []
+        """Publish all of it but what waits, and what has waited and is kept by now.
+
+        Returns that as it went out. To be called now and then, with nothing to say as well.
+        """
+        promised = [self._kept.popleft() for _ in range(len(self._kept))]
+        said = [self._sealed_and_said(_topic_of(message), message) for message in promised]
         for message in outgoing:
             topic = _topic_of(message)
             if topic.message is OrderAnswer:
@@ -49,12 +53,6 @@ class Voice:
             else:
                 said.append(self._sealed_and_said(topic, message))
         return said
-
-    def promise(self) -> None:
-        """Publish what has waited and is kept by now."""
-        while self._kept:
-            message = self._kept.popleft()
-            self._sealed_and_said(_topic_of(message), message)
 
     def _may_be_promised(self, message: Outgoing, _: int) -> None:
         """Note it, on another thread."""
