@@ -16,7 +16,7 @@ from edge_agent.mounts.intake import has_gyro, readable
 from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.self_check import HealthReport, SelfCheck
-from edge_agent.sources.reading import Reading, TruePlace
+from edge_agent.sources.reading import Quiet, Reading, TruePlace
 from edge_agent.whereabouts import Whereabouts
 from shared.messages import (
     HIGHEST_PRESSURE_PA,
@@ -109,7 +109,7 @@ class Agent:
         self.pass_time(reading.time_ns)
         if isinstance(reading, ImuSample):
             self._take_sample(reading)
-        else:
+        elif not isinstance(reading, Quiet):
             self._whereabouts.take(reading)
 
     def pass_time(self, now_ns: int) -> None:

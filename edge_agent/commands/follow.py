@@ -90,7 +90,8 @@ def run(
         Name of the responder.
     source
         csv:FILE (a vendor's export), npz:FILE, phone:EXPORT (a folder or .zip of the phone app
-        'Sensor Logger'), mcap:FILE[#responder] or simulated:SCENARIO.
+        'Sensor Logger'), phone-live:HOST:PORT (a phone that sends what it reads, by a page or that
+        app), mcap:FILE[#responder] or simulated:SCENARIO.
     incident
         Name of the incident.
     mount
@@ -137,7 +138,7 @@ def run(
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
             follower = prepared_mount(mount, method, dominant_direction=dominant_direction)
-        opened = open_source(source, responder_id, seed, mount)
+        opened = open_source(source, responder_id, seed, mount, bundle)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         dialled = connect or (local_endpoint(bundle),)
         kept = journal_path(journal, incident, "responder", responder_id)

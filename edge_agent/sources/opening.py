@@ -13,29 +13,44 @@ from pathlib import Path
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.sources.reading import Source
 from edge_agent.sources.recording import SourceError
+from shared.clock import SystemClock
 from shared.mcap_reader import RecordingError
 from shared.messages import ImuSample, NodeId
+from shared.security.bundle import Bundle
+
+KINDS = ("csv", "npz", "phone", "phone-live", "mcap", "simulated")
 
 
-def open_source(name: str, responder_id: NodeId, seed: int, mount: MountName = "boot") -> Source:
+def open_source(
+    name: str,
+    responder_id: NodeId,
+    seed: int,
+    mount: MountName = "boot",
+    bundle: Bundle | None = None,
+) -> Source:
     """Open a source by its name, of a sensor worn as ``mount``.
 
-    It is ``csv:FILE``, ``npz:FILE``, ``phone:EXPORT``, ``mcap:FILE[#responder]`` or
-    ``simulated:SCENARIO``. A simulated source has the samples of ``responder_id``, whose sensor is
-    worn as ``mount``, in the exercise of ``seed``, whom they hear, satellite fixes if there are
-    any, and the truth. Raises ``SourceError`` if there is no such kind or the file cannot be used,
-    and ``shared.config.ConfigError`` for a scenario that cannot be used.
+    It is ``csv:FILE``, ``npz:FILE``, ``phone:EXPORT``, ``phone-live:HOST:PORT``,
+    ``mcap:FILE[#responder]`` or ``simulated:SCENARIO``. A live phone is spoken to by ``bundle``. A
+    simulated source has the samples of ``responder_id``, whose sensor is worn as ``mount``, in the
+    exercise of ``seed``, whom they hear, satellite fixes if there are any, and the truth. Raises
+    ``SourceError`` if there is no such kind or the file cannot be used, and
+    ``shared.config.ConfigError`` for a scenario that cannot be used.
     """
     kind, _, where = name.partition(":")
-    if not where or kind not in ("csv", "npz", "phone", "mcap", "simulated"):
+    if not where or kind not in KINDS:
         raise SourceError(
-            f"source {name!r}: use csv:FILE, npz:FILE, phone:EXPORT, mcap:FILE[#responder] or "
-            "simulated:SCENARIO"
+            f"source {name!r}: use csv:FILE, npz:FILE, phone:EXPORT, phone-live:HOST:PORT, "
+            "mcap:FILE[#responder] or simulated:SCENARIO"
         )
     if kind == "simulated":
         from edge_agent.sources.simulated import open_simulated  # noqa: PLC0415
 
         return open_simulated(where, responder_id, seed, mount)
+    if kind == "phone-live":
+        from edge_agent.sources.phone_server import open_phone  # noqa: PLC0415
+
+        return open_phone(where, SystemClock().now_ns, bundle)
     try:
         samples = iter(_samples(kind, where, mount))
         first = next(samples, None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from typing import NamedTuple, TypeAlias
 
 import msgspec
@@ -18,7 +18,13 @@ class TruePlace(NamedTuple):
     position_m: tuple[float, float, float]
 
 
-Reading: TypeAlias = ImuSample | Cue | TruePlace
+class Quiet(NamedTuple):
+    """Nothing came until then from a source that is live."""
+
+    time_ns: int
+
+
+Reading: TypeAlias = ImuSample | Cue | TruePlace | Quiet
 
 
 class Source(NamedTuple):
@@ -35,8 +41,13 @@ class Source(NamedTuple):
     def beginning_at(self, begin_ns: int) -> Iterator[Reading]:
         """Yield the readings with their times moved so that they begin at ``begin_ns``."""
         by_ns = begin_ns - self.begin_ns
-        for reading in self.readings:
-            if isinstance(reading, ImuSample):
-                yield msgspec.structs.replace(reading, time_ns=reading.time_ns + by_ns)
-            else:
-                yield reading._replace(time_ns=reading.time_ns + by_ns)
+        try:
+            for reading in self.readings:
+                if isinstance(reading, ImuSample):
+                    yield msgspec.structs.replace(reading, time_ns=reading.time_ns + by_ns)
+                else:
+                    yield reading._replace(time_ns=reading.time_ns + by_ns)
+        finally:
+            # A live source listens until it is told that nobody does.
+            if isinstance(self.readings, Generator):
+                self.readings.close()

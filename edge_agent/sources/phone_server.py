@@ -1,0 +1,151 @@
+"""A phone that is carried, as a source: it sends what it reads over HTTP(S), and the agent listens.
+
+A phone comes by our page, which sends the browser's DeviceMotion, or by the app 'Sensor Logger' and
+its HTTP push. Both are served under a path that nobody can guess and that is told as the source
+opens, so that nobody else tells of the wearer.
+"""
+
+from __future__ import annotations
+
+import queue
+import secrets
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from importlib.resources import files
+
+import structlog
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from starlette.routing import Route
+
+from edge_agent.sources.phone_stream import PhoneStream, decoded
+from edge_agent.sources.reading import Quiet, Reading, Source
+from edge_agent.sources.recording import SourceError
+from shared.messages import ImuSample
+from shared.security.bundle import CERTIFICATE_FILE, KEY_FILE, Bundle
+from shared.units import NS_PER_S
+
+MOST_BYTES = 4_000_000
+MOST_WAITING = 10_000
+"""Samples that wait to be taken: more, and the newest are lost."""
+
+ASTRAY_NS = 2 * NS_PER_S
+"""A phone whose newest reading is further from now has a clock of its own."""
+
+QUIET_S = 0.25
+HIGHEST_PORT = 65_535
+EVERYWHERE = frozenset({"0.0.0.0", "::"})  # noqa: S104
+GOODBYE_S = 1
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+class PhoneServer:
+    """Listens for one phone; ``readings`` are what it sends, by the clock ``now_ns``.
+
+    The phone's clock need not be right: where it is not, a message is taken to come at once.
+    """
+
+    def __init__(
+        self, where: str, now_ns: Callable[[], int], bundle: Bundle | None, token: str | None = None
+    ) -> None:
+        """Listen at ``where``, HOST:PORT, encrypted by ``bundle``; raise ``SourceError`` if not."""
+        self._now_ns = now_ns
+        self._bundle = bundle
+        self._socket = _listen(where)
+        host, port = self._socket.getsockname()[:2]
+        scheme = "http" if bundle is None else "https"
+        if host in EVERYWHERE:
+            host = socket.gethostname()
+        self.url = f"{scheme}://{host}:{port}/{token or secrets.token_urlsafe(12)}/"
+        self._stream = PhoneStream()
+        self._ahead_ns = 0
+        self._samples: queue.Queue[ImuSample] = queue.Queue(MOST_WAITING)
+
+    def readings(self) -> Iterator[Reading]:
+        """Yield samples as they come, and from time to time that none did, until closed."""
+        server = uvicorn.Server(self._config())
+        thread = threading.Thread(target=server.run, args=([self._socket],), name="phone")
+        thread.start()
+        try:
+            while True:
+                try:
+                    yield self._samples.get(timeout=QUIET_S)
+                except queue.Empty:
+                    yield Quiet(self._now_ns())
+        finally:
+            server.should_exit = True
+            thread.join()
+            self._socket.close()
+
+    def _config(self) -> uvicorn.Config:
+        path = "/" + self.url.split("/", 3)[3]
+        routes = [Route(path, _page), Route(f"{path}push", self._take, methods=["POST"])]
+        return uvicorn.Config(
+            Starlette(routes=routes),
+            log_config=None,
+            access_log=False,
+            lifespan="off",
+            server_header=False,
+            timeout_graceful_shutdown=GOODBYE_S,
+            ssl_certfile=None if self._bundle is None else self._bundle.path(CERTIFICATE_FILE),
+            ssl_keyfile=None if self._bundle is None else self._bundle.path(KEY_FILE),
+        )
+
+    def _set_clock(self, newest_ns: int) -> None:
+        """Take the phone's newest reading to be of now, unless it is by the clock so far."""
+        now_ns = self._now_ns()
+        if abs(newest_ns + self._ahead_ns - now_ns) > ASTRAY_NS:
+            self._ahead_ns = now_ns - newest_ns
+
+    async def _take(self, request: Request) -> Response:
+        body = bytearray()
+        async for part in request.stream():
+            body += part
+            if len(body) > MOST_BYTES:
+                return PlainTextResponse("too much at once: send it more often", 413)
+        try:
+            push = decoded(bytes(body))
+        except ValueError as error:
+            return PlainTextResponse(str(error), 400)
+        if push.payload:
+            self._set_clock(max(reading.time for reading in push.payload))
+        for sample in self._stream.take(push):
+            moved = ImuSample(
+                sample.time_ns + self._ahead_ns,
+                sample.force_m_s2,
+                sample.rate_rad_s,
+                sample.field_ut,
+            )
+            try:
+                self._samples.put_nowait(moved)
+            except queue.Full:
+                return PlainTextResponse("the agent is too slow: try again", 503)
+        return PlainTextResponse("")
+
+
+def open_phone(where: str, now_ns: Callable[[], int], bundle: Bundle | None) -> Source:
+    """Return the source of a phone that comes to HOST:PORT; say where it is to come to."""
+    server = PhoneServer(where, now_ns, bundle)
+    _log.info("open this on the phone", page=server.url, http_push=f"{server.url}push")
+    return Source(server.readings(), now_ns(), None)
+
+
+def _listen(where: str) -> socket.socket:
+    host, _, port = where.rpartition(":")
+    if not (host and port.isdecimal() and int(port) <= HIGHEST_PORT):
+        raise SourceError(f"phone-live:{where}: write HOST:PORT, as in 0.0.0.0:8443")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host.strip("[]"), int(port)), family=family)
+    except OSError as error:
+        raise SourceError(
+            f"phone-live:{where}: cannot listen ({error.strerror}); use another address or port"
+        ) from None
+
+
+async def _page(_: Request) -> Response:
+    return HTMLResponse(files(__package__).joinpath("static/phone.html").read_text("utf-8"))

@@ -1,0 +1,139 @@
+"""What a phone sends while it is carried, as samples: JSON, each sensor by itself (pure).
+
+The messages are those of the app 'Sensor Logger' ("HTTP Push"), and of our own page: readings with
+a sensor's name, a time in nanoseconds and values x, y and z, in the phone's axes and in SI, gravity
+read upwards (in the app: "Standardise Units & Frames").
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Annotated, NamedTuple
+
+import msgspec
+from msgspec import Meta
+
+from shared.messages import WITHOUT_GYRO, ImuSample, Vector3
+from shared.units import NS_PER_S
+
+MOST_READINGS = 20_000
+PATIENCE_NS = 3 * NS_PER_S
+"""A sensor that is so far behind the accelerometer is not waited for."""
+
+TOTAL, MOVED, GRAVITY = "totalacceleration", "accelerometer", "gravity"
+RATE, FIELD = "gyroscope", "magnetometer"
+Number = int | float
+SENSORS = (TOTAL, MOVED, GRAVITY, RATE, FIELD)
+
+
+class PhoneReading(msgspec.Struct, frozen=True):
+    """One reading of one sensor; ``values`` of other sensors may be anything."""
+
+    name: str
+    time: Annotated[int, Meta(ge=0, le=2**62)]
+    values: dict[str, object] = {}
+
+
+class PhonePush(msgspec.Struct, frozen=True):
+    """What a phone sends at once."""
+
+    payload: list[PhoneReading]
+
+
+class _Read(NamedTuple):
+    time_ns: int
+    vector: Vector3
+
+
+class PhoneStream:
+    """Takes messages as they come; gives the samples that they complete, in order. Plain state.
+
+    A sample is the accelerometer's; other sensors are interpolated at its time, so it waits until
+    they have got that far. Where the app sends force without gravity, gravity is added.
+    """
+
+    def __init__(self) -> None:
+        self._read: dict[str, deque[_Read]] = {
+            name: deque(maxlen=MOST_READINGS) for name in SENSORS
+        }
+        self._newest_ns: dict[str, int] = {}
+        self._begin_ns: int | None = None
+
+    def take(self, push: PhonePush) -> list[ImuSample]:
+        """Take in a message; return what is complete by now."""
+        for reading in push.payload:
+            vector = _vector(reading.values)
+            if vector is not None and reading.name.lower() in self._read:
+                self._note(reading.name.lower(), _Read(reading.time, vector))
+        samples = []
+        while (sample := self._next()) is not None:
+            samples.append(sample)
+        return samples
+
+    def _note(self, name: str, reading: _Read) -> None:
+        """Keep a reading, unless it is late; begin anew if the phone's clock was set back."""
+        newest_ns = self._newest_ns.get(name)
+        if newest_ns is not None and newest_ns - PATIENCE_NS < reading.time_ns <= newest_ns:
+            return
+        if newest_ns is not None and reading.time_ns <= newest_ns:
+            self._begin_ns = None
+            self._newest_ns.clear()
+            for read in self._read.values():
+                read.clear()
+        if self._begin_ns is None:
+            self._begin_ns = reading.time_ns
+        self._newest_ns[name] = reading.time_ns
+        self._read[name].append(reading)
+
+    def _next(self) -> ImuSample | None:
+        """Return the next sample, if all that it needs is there."""
+        has_total = TOTAL in self._newest_ns
+        name, needed = (TOTAL, []) if has_total else (MOVED, [GRAVITY])
+        forces = self._read[name]
+        if not forces or any(self._awaits(other, name) for other in (*needed, RATE, FIELD)):
+            return None
+        time_ns, (x, y, z) = forces.popleft()
+        if needed:
+            gravity = _at(self._read[GRAVITY], time_ns)
+            if gravity is None:
+                return None
+            x, y, z = x + gravity[0], y + gravity[1], z + gravity[2]
+        rate, field = _at(self._read[RATE], time_ns), _at(self._read[FIELD], time_ns)
+        return ImuSample(time_ns, (x, y, z), rate or WITHOUT_GYRO, field)
+
+    def _awaits(self, name: str, force: str) -> bool:
+        """Whether a sensor may yet tell of the next sample; not for long, if it falls silent."""
+        next_ns, newest_ns = self._read[force][0].time_ns, self._newest_ns[force]
+        own_ns = self._newest_ns.get(name, (self._begin_ns or 0) - 1)
+        return own_ns < next_ns and newest_ns - own_ns < PATIENCE_NS
+
+
+def decoded(body: bytes) -> PhonePush:
+    """Return the message in ``body``; raise ``ValueError`` if it is none."""
+    try:
+        return msgspec.json.decode(body, type=PhonePush)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise ValueError(f"not a phone's message: {error}") from None
+
+
+def _vector(values: dict[str, object]) -> Vector3 | None:
+    x, y, z = (values.get(axis) for axis in "xyz")
+    if not (isinstance(x, Number) and isinstance(y, Number) and isinstance(z, Number)):
+        return None
+    try:
+        return float(x), float(y), float(z)
+    except OverflowError:
+        return None
+
+
+def _at(read: deque[_Read], time_ns: int) -> Vector3 | None:
+    """Return a sensor's vector at ``time_ns``, and forget what was before; ``None`` without one."""
+    while len(read) > 1 and read[1].time_ns <= time_ns:
+        read.popleft()
+    if not read or abs(read[0].time_ns - time_ns) > PATIENCE_NS:
+        return None
+    if len(read) == 1 or time_ns <= read[0].time_ns:
+        return read[0].vector
+    (before_ns, (ax, ay, az)), (after_ns, (bx, by, bz)) = read[0], read[1]
+    share = (time_ns - before_ns) / (after_ns - before_ns)
+    return ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)

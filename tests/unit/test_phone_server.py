@@ -1,0 +1,83 @@
+"""A phone that comes to the agent: its page, what it sends, and who is turned away."""
+
+from __future__ import annotations
+
+import urllib.error
+import urllib.request
+from collections.abc import Generator, Iterator
+
+import msgspec
+import pytest
+
+from edge_agent.sources.opening import open_source
+from edge_agent.sources.phone_server import PhoneServer
+from edge_agent.sources.reading import Quiet, Reading, Source
+from edge_agent.sources.recording import SourceError
+from shared.messages import ImuSample
+from tests.unit.test_phone_stream import BEGIN_NS, batches, walk
+
+NOW_NS = 1_900_000_000_000_000_000
+
+
+def ask(url: str, body: bytes | None = None) -> tuple[int, bytes]:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, body), timeout=30) as answer:  # noqa: S310
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read()
+
+
+@pytest.fixture
+def server() -> PhoneServer:
+    return PhoneServer("127.0.0.1:0", lambda: NOW_NS, None, "secret")
+
+
+@pytest.fixture
+def readings(server: PhoneServer) -> Iterator[Generator[Reading, None, None]]:
+    found = Source(server.readings(), NOW_NS, None).beginning_at(NOW_NS)
+    assert isinstance(next(found), Quiet)
+    assert isinstance(found, Generator)
+    yield found
+    found.close()
+
+
+def test_a_walk_is_pushed_and_dated_by_our_clock(
+    server: PhoneServer, readings: Generator[Reading, None, None]
+) -> None:
+    samples = walk()
+    for push in batches(samples, size=200):
+        assert ask(f"{server.url}push", msgspec.json.encode(push)) == (200, b"")
+    found: list[ImuSample] = []
+    while len(found) < len(samples):
+        reading = next(readings)
+        if isinstance(reading, ImuSample):
+            found.append(reading)
+    # The first message's newest reading, of the gyroscope, is of now; then time goes on as it did.
+    assert found[199].time_ns == NOW_NS - 4_000_000
+    times_ns = [one.time_ns - BEGIN_NS for one in samples]
+    assert [one.time_ns - found[0].time_ns for one in found[:200]] == times_ns[:200]
+
+
+def test_the_page_is_given_to_who_knows_its_address(
+    server: PhoneServer, readings: Generator[Reading, None, None]
+) -> None:
+    code, page = ask(server.url)
+    assert code == 200
+    assert b"devicemotion" in page
+    assert ask(server.url.replace("secret", "guess"))[0] == 404
+    assert ask(server.url.replace("secret", "guess") + "push", b"{}")[0] == 404
+
+
+def test_garbage_and_too_much_are_refused(
+    server: PhoneServer, readings: Generator[Reading, None, None]
+) -> None:
+    assert ask(f"{server.url}push", b"{}")[0] == 400
+    assert ask(f"{server.url}push", b" " * 4_100_000)[0] == 413
+    assert isinstance(next(readings), Quiet)
+
+
+@pytest.mark.parametrize("where", ["nowhere", "127.0.0.1:port", "127.0.0.1:99999"])
+def test_where_nobody_can_listen_is_told(where: str) -> None:
+    with pytest.raises(SourceError, match="phone-live:"):
+        open_source(f"phone-live:{where}", "r1", 0, "chest")
