@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 import structlog
 import zenoh
 
+from shared.bus.zenoh_settings import OPEN_RESERVE_MS
+
 log = structlog.stdlib.get_logger(__name__)
 
 HEAD_START_S = 0.3
@@ -23,7 +25,7 @@ HEAD_START_S = 0.3
 
 PAUSE_S = 0.2
 LONGEST_PAUSE_S = 1.0
-LONGEST_PAUSE_FOR_RESERVE_S = 5.0
+LONGEST_PAUSE_FOR_RESERVE_S = 2.0
 WATCH_S = 0.05
 
 NONE_ANSWERS = "no router answers yet, trying on"
@@ -53,7 +55,9 @@ class LinkKeeper:
         adopt: Callable[[zenoh.Session], bool],
         has_linked: Callable[[], None],
     ) -> None:
+        transport = {**settings["transport"], "unicast": {"open_timeout": OPEN_RESERVE_MS}}
         self._settings = settings
+        self._reserve_settings = {**settings, "transport": transport}
         self._endpoints = list(endpoints)
         self._is_linked = is_linked
         self._adopt = adopt
@@ -81,12 +85,15 @@ class LinkKeeper:
     def _find_link(self, closing: threading.Event) -> None:
         """Change to the router in reserve, or to the first that answers.
 
-        The router of the present session is redialled by Zenoh itself.
+        Zenoh redials the router that was lost by itself, but with no more patience than it took
+        to open: so where there are others, it comes after them.
         """
         log.info("there is no link", dialling=self._others)
         answered = self._take_reserve()
         if answered is None:
-            dialling = Dialling(self._settings, self._others, LONGEST_PAUSE_S, NONE_ANSWERS)
+            lost = [each for each in self._endpoints if each not in self._others]
+            dialled = [*self._others, *lost] if self._others else []
+            dialling = Dialling(self._settings, dialled, LONGEST_PAUSE_S, NONE_ANSWERS)
             while not (dialling.over.wait(WATCH_S) or closing.is_set() or self._is_linked()):
                 pass
             answered = dialling.call_off()
@@ -107,8 +114,9 @@ class LinkKeeper:
         elif self._dialling is None:
             if self._others:
                 self._dialling = Dialling(
-                    self._settings, self._others, LONGEST_PAUSE_FOR_RESERVE_S, NONE_IN_RESERVE
-                )
+                    self._reserve_settings, self._others, LONGEST_PAUSE_FOR_RESERVE_S,
+                    NONE_IN_RESERVE,
+                )  # fmt: skip
         elif self._dialling.over.is_set():
             self._reserve, self._dialling = self._dialling.call_off(), None
 

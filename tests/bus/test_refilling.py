@@ -9,7 +9,7 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from shared.bus.interface import Received
+from shared.bus.interface import LinkHandler, Received
 from shared.bus.memory import MemoryBus, MemoryNetwork
 from shared.codec import encode
 from shared.collector import Collector
@@ -113,6 +113,21 @@ def test_a_beat_tells_what_the_journal_holds(network: MemoryNetwork, node: Node)
         acknowledged=0, clock=STATEMENT,
     )  # fmt: skip
     assert (second.sequence, second.acknowledged) == (1, 2)
+
+
+def test_it_beats_as_soon_as_it_has_a_link_again(
+    network: MemoryNetwork, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    linked: list[LinkHandler] = []
+    monkeypatch.setattr(MemoryBus, "on_link", lambda _, handler: linked.append(handler))
+    monkeypatch.setattr("shared.heartbeat.PERIOD_S", 600.0)
+    listener = Listener(network)
+    node = Node(network, tmp_path)
+    with node.outbox, node.bus, node.heartbeat:
+        wait_for(lambda: len(listener.came) == 1, "the first beat")
+        for handler in linked:
+            handler()
+        wait_for(lambda: len(listener.came) == 2, "the beat after the link came")
 
 
 def test_who_comes_late_gets_all_of_it_once(network: MemoryNetwork, node: Node) -> None:
