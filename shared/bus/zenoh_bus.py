@@ -64,8 +64,8 @@ def open_zenoh(
 
     Endpoints read ``tls/HOST:PORT``, and without a ``bundle`` of keys ``tcp/HOST:PORT``; port 0
     listens on a free one, which ``locators`` tells. A router dials until it is answered, a client
-    keeps to one of its routers and changes when that one is gone: anything may start first, and
-    end and come back.
+    keeps to one of its routers, with a link to another in reserve, and changes when that one is
+    gone: anything may start first, and end and come back.
 
     Raises ``ValueError`` for an endpoint that is malformed, or that leaves this machine without a
     ``bundle``, and for a bundle that cannot listen. Raises ``OSError`` where listening fails.
