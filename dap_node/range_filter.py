@@ -19,26 +19,24 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
+from dap_node.range_settings import Belief, RangeSettings
 from shared.units import NS_PER_S
 
 Array: TypeAlias = NDArray[np.float64]
-Decibel: TypeAlias = Annotated[float, Meta(gt=0.0, le=60.0)]
-Share: TypeAlias = Annotated[float, Meta(ge=0.0, lt=1.0)]
-LogOdds: TypeAlias = Annotated[float, Meta(ge=-20.0, le=20.0)]
 
 POWER_AT_1_M_DBM = -40.0
 """What an average radio gives over a clear metre, once ``offset_db`` has been added."""
 
 STEP_NS = NS_PER_S // 10
 """Range changes in steps of this."""
+
+SUBSTEPS = 2**10
+"""A step's motion is made of so many small ones, each all but linear."""
 
 DOUBLINGS = 14
 """After 2^14 steps, half an hour, nothing is left of where somebody was."""
@@ -56,42 +54,6 @@ LEAST_LIKELIHOOD = 1e-8
 """No single reading rules anything out altogether."""
 
 
-class RangeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the filter takes radio and people to be like.
-
-    Near is within ``near_m``; one comes near when the log odds of that are at least
-    ``enter_log_odds``, and leaves when they are below ``leave_log_odds``. Power falls with range to
-    the ``exponent``, readings spread by ``spread_db``, and say something new once in
-    ``coherence_s``; the body takes ``body_loss_db`` of a ``body_share`` of them. Links differ by
-    ``offset_sd_db``. From farther than ``far_m`` readings have the mean ``far_dbm`` and spread by
-    ``far_spread_db``. Antennas are ``height_m`` apart in height, people spread out by
-    ``diffusion_m2_s``, and nobody is farther than ``farthest_m``.
-    """
-
-    near_m: Annotated[float, Meta(ge=0.3, le=20.0)] = 2.5
-    enter_log_odds: LogOdds = -1.0
-    leave_log_odds: LogOdds = -2.0
-    exponent: Annotated[float, Meta(ge=1.0, le=6.0)] = 2.2
-    spread_db: Decibel = 6.0
-    coherence_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 1.0
-    body_loss_db: Decibel = 10.0
-    body_share: Share = 0.3
-    offset_sd_db: Decibel = 3.0
-    far_m: Annotated[float, Meta(ge=1.0, le=200.0)] = 11.0
-    far_dbm: Annotated[float, Meta(ge=-200.0, le=100.0)] = -75.0
-    far_spread_db: Decibel = 10.0
-    height_m: Annotated[float, Meta(gt=0.0, le=10.0)] = 0.5
-    diffusion_m2_s: Annotated[float, Meta(gt=0.0, le=100.0)] = 2.0
-    farthest_m: Annotated[float, Meta(ge=1.0, le=200.0)] = 15.0
-
-    def __post_init__(self) -> None:
-        """Refuse odds that it takes more to keep than to reach, and a far that is near."""
-        if self.leave_log_odds > self.enter_log_odds:
-            raise ValueError("leave_log_odds: put it at or below enter_log_odds")
-        if not 2.0 * self.near_m <= self.far_m < self.farthest_m:
-            raise ValueError("far_m: put it between twice near_m and farthest_m")
-
-
 class _Grid(NamedTuple):
     """Rings (n) by offsets (m): mean level and prior (n, m), and motion in 2^k steps (n, n)."""
 
@@ -101,19 +63,6 @@ class _Grid(NamedTuple):
     is_far: NDArray[np.bool_]
     range_m: Array
     offset_db: Array
-
-
-class Belief(NamedTuple):
-    """What is held of somebody: the log odds that they are near, and moments.
-
-    The range (m) and the link's offset (dB) are given by mean and standard deviation.
-    """
-
-    log_odds: float
-    range_m: float
-    range_sd_m: float
-    offset_db: float
-    offset_sd_db: float
 
 
 class RangeFilter:
@@ -218,7 +167,8 @@ def _motion(edge_m: Array, range_m: Array, area_m2: Array, diffusion_m2_s: float
     rate[inner + 1, inner] = crossing_m2_s / area_m2[:-1]
     rate[inner, inner + 1] = crossing_m2_s / area_m2[1:]
     rate -= np.diag(rate.sum(axis=0))
-    return np.asarray(expm(rate * (STEP_NS / NS_PER_S)))
+    small = np.eye(len(area_m2)) + rate * (STEP_NS / NS_PER_S / SUBSTEPS)
+    return np.linalg.matrix_power(small, SUBSTEPS)
 
 
 def _density(over_db: Array, spread_db: float) -> Array:

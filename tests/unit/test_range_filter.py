@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dap_node.range_filter import POWER_AT_1_M_DBM, Belief, RangeFilter, RangeSettings
+from dap_node.range_filter import POWER_AT_1_M_DBM, RangeFilter
+from dap_node.range_settings import Belief, RangeSettings
 from shared.config import ConfigError, parse_toml
 from shared.units import NS_PER_S
 
