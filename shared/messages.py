@@ -485,6 +485,19 @@ class StrangerNoticed(Message, frozen=True, kw_only=True):
     words: Words
 
 
+class OutsideWord(Message, frozen=True, kw_only=True):
+    """What somebody in another system (TAK) says: a marker on their map, a message, a mayday.
+
+    ``uid`` and ``callsign`` are theirs; ``cancel`` takes a mayday of that ``uid`` back.
+    """
+
+    kind: Literal["marker", "message", "mayday", "cancel"]
+    uid: Words
+    callsign: Words
+    words: Annotated[str, Meta(max_length=MOST_WORDS)]
+    position: LocalPosition | None
+
+
 class ExerciseStart(Message, frozen=True, kw_only=True):
     """A simulated exercise begins: its clock reads ``event_time_ns`` now and runs at ``speed``."""
 
