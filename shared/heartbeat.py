@@ -80,6 +80,7 @@ class Heartbeat:
                     last_number=holding.last_number,
                     kept_from=holding.kept_from,
                     acknowledged=holding.acknowledged,
+                    lost=holding.lost,
                     clock=self._clock_statement(holding.run),
                 )
             )

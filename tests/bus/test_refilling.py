@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -246,6 +247,28 @@ def test_receipts_are_heeded_once_for_the_nodes_own_run(network: MemoryNetwork, 
     assert tell(b"\x80") == 3
     assert tell(receipt(2, run=run)) == 3
     assert tell(receipt(5, run=run)) == 5
+
+
+def test_a_message_that_the_disk_altered_keeps_nothing_else_from_being_safe(
+    network: MemoryNetwork, node: Node, tmp_path: Path
+) -> None:
+    node.say(*range(5))
+    with sqlite3.connect(tmp_path / "r1.journal", isolation_level=None) as other:
+        other.execute("UPDATE message SET payload = zeroblob(9) WHERE number = 3")
+    other.close()
+    listener = Listener(network)
+    node.heartbeat.beat()
+
+    def has_all() -> bool:
+        listener.collector.collect()
+        node.heartbeat.beat()
+        numbers = listener.gate.journal(node.journal)
+        return numbers is not None and numbers.up_to == 5
+
+    wait_for(has_all, "all that there is")
+    assert sorted(listener.numbers()) == [0, 1, 3, 4]
+    assert listener.gate.gone[node.journal] == 1
+    assert listener.gate.missing() == []
 
 
 def test_only_a_post_that_is_known_is_heeded(network: MemoryNetwork, tmp_path: Path) -> None:
