@@ -12,13 +12,13 @@ from pathlib import Path
 from shared.radios.live import SCAN_RATE_HZ, LiveSource, PolledSource
 from shared.radios.readings import RadioScan, ScannerError
 
-RADIOS = ("nl80211:INTERFACE", "hostapd:SOCKET", "ble:ADAPTER")
+RADIOS = ("nl80211:INTERFACE", "hostapd:SOCKET", "wpa:SOCKET", "ble:ADAPTER")
 
 
 def open_radios(
     names: Sequence[str], option: str, others: Sequence[str] = (), rate_hz: float = SCAN_RATE_HZ
 ) -> list[LiveSource[RadioScan]]:
-    """Open ``nl80211:INTERFACE``, ``hostapd:SOCKET`` and ``ble:ADAPTER``, as many as are named.
+    """Open ``nl80211:INTERFACE``, ``hostapd:SOCKET`` and the like, as many as are named.
 
     ``rate_hz``: how often a Wi-Fi radio is asked. Raises ``ScannerError`` for what is not there,
     and for a name that is none; ``option`` gave it, and takes ``others`` too, one at a time.
@@ -36,6 +36,10 @@ def _open(name: str, option: str, others: Sequence[str], rate_hz: float) -> Live
         from shared.radios.hostapd import HostapdRadio  # noqa: PLC0415
 
         return PolledSource(name, partial(HostapdRadio, Path(where)), rate_hz)
+    if where and kind == "wpa":
+        from shared.radios.wpa import WpaRadio  # noqa: PLC0415
+
+        return PolledSource(name, partial(WpaRadio, Path(where)), rate_hz)
     if where and kind == "ble":
         from shared.radios.ble import BleSource, open_bluetooth  # noqa: PLC0415
 
