@@ -12,7 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import structlog
 from msgspec import structs
@@ -33,6 +33,7 @@ from command_post.safekeeping import Safekeeping
 from command_post.station_notice import StationNotice
 from command_post.strangers import Strangers
 from command_post.voice import Voice
+from command_post.web.page import Page
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
@@ -83,19 +84,6 @@ class _Heard(NamedTuple):
     came_ns: int
 
 
-class Guest(Protocol):
-    """Somebody at the post who follows what it says, and may ask for something: its page, TAK."""
-
-    def published(self, key_text: str, payload: bytes) -> None:
-        """Take in what the post has published."""
-
-    def show(self, roster: Roster) -> None:
-        """Take in the newest roster."""
-
-    def take_requests(self) -> list[tuple[str, bytes]]:
-        """Return what was asked for since, as messages under their keys."""
-
-
 class Post:
     """Hears an incident over a bus, records it, and says what it makes of it."""
 
@@ -113,7 +101,7 @@ class Post:
         meet: Callable[[Identity], object] = lambda _: None,
         sign: Sign | None = None,
         metrics: Metrics | None = None,
-        guests: Sequence[Guest] = (),
+        page: Page | None = None,
         remarks: Sequence[str] = (),
         checkpoints: Checkpoints | None = None,
         stations: StationTable | None = None,
@@ -122,8 +110,8 @@ class Post:
 
         ``gate``: what lets messages in; without one, everybody is believed. ``outbox``: what seals
         what the post says. ``meet``: asks a node that comes who it is. ``sign``: signs what the
-        post answers. ``metrics``: who is told of all that the post counts. ``guests``: who is
-        told all that is published, and asks for what people want. ``remarks``: what the
+        post answers. ``metrics``: who is told of all that the post counts. ``page``: where
+        people see it, and ask for what they want. ``remarks``: what the
         roster is to say of how it was begun. ``checkpoints``: keep the post's state now and then.
         ``stations``: whose radio is whose, to be told to DAPs and responders' units.
         """
@@ -147,7 +135,7 @@ class Post:
         self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
         self._metrics = metrics
-        self._guests = tuple(guests)
+        self._page = page
         self._strangers = Strangers()
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._company = Company(bus, name, post_id, meet, self._hear)
@@ -222,7 +210,7 @@ class Post:
             self._handle_all(heard)
             if not heard:
                 self._pass_time()
-            self._heed_guests()
+            self._heed_page()
             self._give_receipts()
             self._keep_state()
             if time.monotonic() >= next_show_s:
@@ -257,8 +245,8 @@ class Post:
     def _tell_figures(self) -> None:
         roster = self.roster(self._clock.now_ns())
         self._show(roster)
-        for guest in self._guests:
-            guest.show(roster)
+        if self._page is not None:
+            self._page.show(roster)
         if self._metrics is not None:
             self._metrics.show(self._figures(roster))
         for key, payload in self._strangers.noticed(
@@ -349,10 +337,10 @@ class Post:
     def _has_room(self) -> bool:
         return len(self._inbox) < MOST_WAITING
 
-    def _heed_guests(self) -> None:
-        """Do what people ask for: they were let in where they did."""
-        for guest in self._guests:
-            for key, payload in guest.take_requests():
+    def _heed_page(self) -> None:
+        """Do what people at the page ask for: they were let in there."""
+        if self._page is not None:
+            for key, payload in self._page.take_requests():
                 self._take_own(key, payload)
 
     def _take_own(self, key: str, payload: bytes) -> None:
@@ -363,8 +351,8 @@ class Post:
         for key, payload in self._voice.say(outgoing):
             if self._metrics is not None:
                 self._metrics.published(key, payload, self._clock.now_ns())
-            for guest in self._guests:
-                guest.published(key, payload)
+            if self._page is not None:
+                self._page.published(key, payload)
 
     def _repeat_orders(self) -> None:
         """Say again what somebody who is alive has not acknowledged."""

@@ -16,8 +16,6 @@ from shared.messages import (
     Contact,
     DapEstimate,
     DapInstallation,
-    DapPeak,
-    DapReading,
     ExerciseStart,
     FloorShare,
     HeightFix,
@@ -31,7 +29,6 @@ from shared.messages import (
     OrderAnswer,
     OrderReply,
     OrderRequest,
-    OutsideWord,
     PositionFix,
     ProximityEvent,
     Receipt,
@@ -119,8 +116,6 @@ def one_of_each() -> dict[str, Message]:
             sample_count=20,
         ),
         "peak": RssiPeak(**common, responder_id="r1", peak_dbm=-43.0, width_s=1.2, sample_count=18),
-        "dap_rssi": DapReading(**common, dap_id="d1", rssi_dbm=-58.0),
-        "dap_peak": DapPeak(**common, dap_id="d1", peak_dbm=-44.0, width_s=1.4, sample_count=11),
         "neighbour": NeighbourHeard(
             **common, dap_id="d2", rssi_mean_dbm=-63.0, rssi_variance_db2=2.0, sample_count=25
         ),
@@ -185,9 +180,6 @@ def one_of_each() -> dict[str, Message]:
             assigned_to="r2",
         ),
         "alert_request": AlertRequest(**common, number=4, stage="acknowledged", assigned_to=None),
-        "outside": OutsideWord(
-            **common, kind="marker", uid="u-1", callsign="Engine 5", words="hydrant", position=_HERE
-        ),
         "stranger": StrangerNoticed(**common, role="dap", node_id="d1", words="not signed"),
         "exercise": ExerciseStart(**common, scenario="course", seed=7, speed=10.0),
         "truth": Truth(**common, north_m=1.0, east_m=2.0, down_m=0.0),

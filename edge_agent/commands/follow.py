@@ -17,7 +17,6 @@ from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import MethodName, MountName, default_method
 from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
-from edge_agent.radio_desk import RadioDesk
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
@@ -29,7 +28,6 @@ from shared.files import FileHeldError
 from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.journal_place import JournalFile, journal_path
-from shared.kept_stations import KeptStations
 from shared.messages import LocalPosition, NodeId, TrackStart
 from shared.node import Node
 from shared.node_time import NodeTime
@@ -42,7 +40,6 @@ from shared.process import (
     stop_with_parent,
     wait_until,
 )
-from shared.radios.opening import open_radios
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.topics import alive_key, check_id, finished_key
@@ -76,8 +73,6 @@ def run(
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     imu: bool = True,
-    radio: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
-    radio_offset: Annotated[float, Parameter(validator=validators.Number(gte=-60, lte=60))] = 0.0,
     journal: JournalFile = None,
     post_id: Annotated[str, Parameter(name="--post")] = "post",
     await_start: bool = False,
@@ -125,11 +120,6 @@ def run(
         Hold the heading to where the building's corridors lead, which is learnt on the way.
     imu
         Publish the raw samples as well, for the record.
-    radio
-        The unit's own radio, that hears DAPs and other units: wpa:SOCKET, nl80211:INTERFACE or
-        ble:ADAPTER, as many as there are, one an option. Posts tell whose radios are whose.
-    radio_offset
-        Decibels added to what it hears, which bring a DAP at a clear metre to -40 dBm.
     journal
         File that keeps what is said until the post has it; by default one of this responder's in
         the incident, among what programs keep for the user.
@@ -150,7 +140,6 @@ def run(
             follower = prepared_mount(mount, method, dominant_direction=dominant_direction)
         opened = open_source(source, responder_id, seed, mount, bundle)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
-        radios = open_radios(radio, "--radio")
         dialled = connect or (local_endpoint(bundle),)
         kept = journal_path(journal, incident, "responder", responder_id)
         with (
@@ -180,7 +169,6 @@ def run(
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement),
                 _order_desk(node, check_id(post_id, "--post"), acknowledged, node_time),
-                RadioDesk(node, radios, KeptStations(kept), radio_offset),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
                 if await_start:

@@ -30,8 +30,6 @@ WIRE_FIELDS = {
     "proximity": "event_time_ns sequence responder_id phase rssi_mean_dbm rssi_variance_db2 "
     "sample_count",
     "peak": "event_time_ns sequence responder_id peak_dbm width_s sample_count",
-    "dap_rssi": "event_time_ns sequence dap_id rssi_dbm",
-    "dap_peak": "event_time_ns sequence dap_id peak_dbm width_s sample_count",
     "neighbour": "event_time_ns sequence dap_id rssi_mean_dbm rssi_variance_db2 sample_count",
     "contact": "event_time_ns sequence other_id peak_dbm width_s sample_count",
     "fix": "event_time_ns sequence responder_id source position",
@@ -42,13 +40,12 @@ WIRE_FIELDS = {
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
     "heading_sd_rad last_proximity_time_ns down_sd_m regions_m floors status reason",
     "dap_place": "event_time_ns sequence dap_id position",
-    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock lost",
+    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock",
     "receipt": "event_time_ns sequence safe",
     "order": "event_time_ns sequence kind to text said_ns",
     "order_request": "event_time_ns sequence kind to text",
     "alert": "event_time_ns sequence number kind role node_id since_ns stage words by assigned_to",
     "alert_request": "event_time_ns sequence number stage assigned_to",
-    "outside": "event_time_ns sequence kind uid callsign words position",
     "stranger": "event_time_ns sequence role node_id words",
     "order_answer": "event_time_ns sequence commander_id request_sequence refusal waited_for",
     "order_reply": "event_time_ns sequence post_id order_sequence stage",
@@ -59,7 +56,7 @@ WIRE_FIELDS = {
 
 ADDED_SINCE = {
     "activity", "activity_confidence", "facing_sd_rad", "pressure_pa", "pressure_rows",
-    "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns", "lost",
+    "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 

@@ -1,1 +1,0 @@
-"""Doors to other systems: what they are told of an incident, and what they say back."""
