@@ -24,7 +24,6 @@ class Holding(NamedTuple):
     last_number: int
     kept_from: int
     acknowledged: int
-    lost: tuple[int, ...] = ()
 
 
 class Keeps(Protocol):

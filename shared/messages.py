@@ -74,7 +74,6 @@ UNKNOWN_FACING_SD_RAD = 1.81
 HealthLevel: TypeAlias = Literal["ok", "warning", "fault"]
 OrderKind: TypeAlias = Literal["evacuate", "roll_call", "message"]
 MOST_WORDS = 200
-MOST_LOST = 64
 Words: TypeAlias = Annotated[str, Meta(min_length=1, max_length=MOST_WORDS)]
 
 RunId: TypeAlias = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$")]
@@ -246,22 +245,6 @@ class RssiPeak(Message, frozen=True, kw_only=True):
     sample_count: Annotated[int, Meta(ge=1, le=100_000)]
 
 
-class DapReading(Message, frozen=True, kw_only=True):
-    """One reading of a DAP's signal strength at a responder's unit."""
-
-    dap_id: NodeId
-    rssi_dbm: PowerDbm
-
-
-class DapPeak(Message, frozen=True, kw_only=True):
-    """A responder passed a DAP, as their unit heard it: what ``RssiPeak`` says, from this side."""
-
-    dap_id: NodeId
-    peak_dbm: PowerDbm
-    width_s: Duration
-    sample_count: Annotated[int, Meta(ge=1, le=100_000)]
-
-
 class Contact(Message, frozen=True, kw_only=True):
     """Two responders met: one's unit heard the other's, loudest at ``event_time_ns``."""
 
@@ -398,8 +381,7 @@ class Beat(Message, frozen=True, kw_only=True):
 
     ``run`` is the journal's and ``last_number`` its newest message's, of which those before
     ``kept_from`` are there no more and those up to ``acknowledged`` are known to be safe elsewhere.
-    The disk has ``lost`` some between: nobody is to wait for them. ``clock`` is what the node knows
-    of its clock, ``None`` if nothing.
+    ``clock`` is what the node knows of its clock, ``None`` if nothing.
     """
 
     run: RunId
@@ -407,7 +389,6 @@ class Beat(Message, frozen=True, kw_only=True):
     kept_from: MessageNumber
     acknowledged: MessageNumber
     clock: ClockStatement | None = None
-    lost: Annotated[tuple[MessageNumber, ...], Meta(max_length=MOST_LOST)] = ()
 
 
 class SafeUpTo(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -502,19 +483,6 @@ class StrangerNoticed(Message, frozen=True, kw_only=True):
     role: Literal["responder", "dap", "post"]
     node_id: NodeId
     words: Words
-
-
-class OutsideWord(Message, frozen=True, kw_only=True):
-    """What somebody in another system (TAK) says: a marker on their map, a message, a mayday.
-
-    ``uid`` and ``callsign`` are theirs; ``cancel`` takes a mayday of that ``uid`` back.
-    """
-
-    kind: Literal["marker", "message", "mayday", "cancel"]
-    uid: Words
-    callsign: Words
-    words: Annotated[str, Meta(max_length=MOST_WORDS)]
-    position: LocalPosition | None
 
 
 class ExerciseStart(Message, frozen=True, kw_only=True):

@@ -1,1 +1,0 @@
-"""Radios that are heard: of a DAP, and of a responder's unit."""
