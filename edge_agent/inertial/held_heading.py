@@ -11,8 +11,7 @@ from __future__ import annotations
 import math
 
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD, Heading, MagneticHeading
-from edge_agent.inertial.inclination import Inclination
-from edge_agent.inertial.rest_bias import RestBias
+from edge_agent.inertial.trunk_attitude import TrunkAttitude
 from shared.maths.angles import wrap_rad
 from shared.maths.rotations import Quaternion, Vector3, inverse, multiply, rotate
 from shared.messages import ImuSample
@@ -32,8 +31,8 @@ class HeldHeading:
     """Takes samples in order, all with a gyroscope; tells the heading after each. Plain state."""
 
     def __init__(self) -> None:
-        self._inclination = Inclination()
-        self._bias = RestBias()
+        self._attitude = TrunkAttitude()
+        self._levelled_s = 0.0
         self._compass = MagneticHeading()
         self._last_rad_s: Vector3 | None = None
         self._first: Quaternion | None = None
@@ -48,7 +47,7 @@ class HeldHeading:
     @property
     def bias_sd_rad_s(self) -> float:
         """How well the gyro's bias is known."""
-        return self._bias.sd_rad_s
+        return self._attitude.bias.sd_rad_s
 
     @property
     def heading_rad(self) -> float:
@@ -62,22 +61,18 @@ class HeldHeading:
         return (self._start or self._heading_to_start_with()).sd_rad
 
     def take(self, sample: ImuSample, since_s: float) -> None:
-        """Take in a sample, ``since_s`` after the one before."""
-        rate_rad_s = sample.rate_rad_s
-        self._bias.add(rate_rad_s, math.hypot(*sample.force_m_s2), since_s)
-        ax, ay, az = self._last_rad_s or rate_rad_s
-        self._last_rad_s = rate_rad_s
-        bx, by, bz = rate_rad_s
-        ox, oy, oz = self._bias.bias_rad_s
-        turned_rad = (
-            (0.5 * (ax + bx) - ox) * since_s,
-            (0.5 * (ay + by) - oy) * since_s,
-            (0.5 * (az + bz) - oz) * since_s,
-        )
-        self._inclination.take(sample.force_m_s2, turned_rad, since_s)
-        attitude = self._inclination.nav_from_body
+        """Take in a sample, ``since_s`` after the one before, 0 if none is near."""
+        bx, by, bz = sample.rate_rad_s
+        ax, ay, az = self._last_rad_s or sample.rate_rad_s
+        self._last_rad_s = sample.rate_rad_s
+        if since_s <= 0.0:
+            return
+        mean_rad_s = (0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz))
+        self._attitude.step(sample.force_m_s2, mean_rad_s, since_s)
+        self._levelled_s += since_s
+        attitude = self._attitude.nav_from_sensor
         if self._first is None:
-            if self._inclination.averaged_s < SETTLED_S:
+            if self._levelled_s < SETTLED_S:
                 return
             self._first = attitude
         w, _, _, z = multiply(attitude, inverse(self._first))

@@ -13,6 +13,8 @@ from edge_agent.mounts.chest import ChestMount
 from edge_agent.mounts.chest_published import PublishedChestMount
 from edge_agent.mounts.interface import Mount
 from edge_agent.mounts.upright import UprightMount
+from edge_agent.mounts.vehicle import VehicleMount
+from edge_agent.mounts.vehicle_published import PublishedVehicleMount
 from edge_agent.mounts.waist import WaistMount
 from edge_agent.mounts.waist_published import PublishedWaistMount
 from shared.compiled import is_kept
@@ -25,6 +27,7 @@ _MOUNTS: dict[MountName, dict[MethodName, Callable[[], Mount]]] = {
     "boot": {"eskf": EskfBootMount, "linear": lambda: UprightMount(BootMount())},
     "chest": {"robust": ChestMount, "published": PublishedChestMount},
     "waist": {"robust": WaistMount, "published": lambda: UprightMount(PublishedWaistMount())},
+    "vehicle": {"robust": VehicleMount, "published": PublishedVehicleMount},
 }
 """By mount, the default method first."""
 
@@ -49,8 +52,9 @@ def make_mount(
     A boot tells one increment a stride. ``eskf``: error-state filter smoothed over each stride,
     from a crawl to a sprint. ``linear``: linear-calibrated zero-velocity update, as published.
     A chest tells one a step; ``published`` is as the paper has it, here and for the others,
-    ``robust`` ours. ``dominant_direction``: hold the heading to where the building's corridors
-    lead. Raises ``ValueError`` for a method that the mount has not, or that cannot.
+    ``robust`` ours. A vehicle tells one a second. ``dominant_direction``: hold the heading to
+    where the building's corridors lead. Raises ``ValueError`` for a method that the mount has not,
+    or that cannot.
     """
     methods = _methods_of(mount)
     method = method or default_method(mount)

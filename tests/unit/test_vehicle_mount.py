@@ -1,0 +1,146 @@
+"""The vehicle's mounts: speed through turns and stops, slips, and samples that are not as asked."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.random import default_rng
+
+from edge_agent.evaluation.vehicle_mountings import Lie, mounted
+from edge_agent.mounts.interface import Increment
+from edge_agent.mounts.vehicle import VehicleMount
+from edge_agent.mounts.vehicle_published import PublishedVehicleMount
+from edge_agent.sources.recording import Recording
+from shared.maths.angles import wrap_rad
+from shared.messages import ImuSample
+from tests.drive import Array, Drive, drive
+
+MOUNTS: tuple[Callable[[], VehicleMount | PublishedVehicleMount], ...] = (
+    VehicleMount,
+    PublishedVehicleMount,
+)
+WHICH = pytest.mark.parametrize("new_mount", MOUNTS)
+
+
+@cache
+def town() -> Drive:
+    """Speeding up, two turns, a stop of eight seconds, and on."""
+    return drive(
+        ((0, 8), (10, 11), (18, 6), (28, 0), (36, 0), (44, 9), (50, 9)),
+        ((0, 0), (11, 0), (14, 0.35), (17, 0), (20, 0), (22, -0.3), (24, 0)),
+    )
+
+
+def speed_errors_m_s(told: Sequence[Increment], truth: Drive) -> Array:
+    """Return what each increment's mean speed is off by."""
+    time_s = truth.recording.time_ns / 1e9
+    way_m = np.concatenate(([0.0], np.cumsum(truth.speed_m_s[1:] * np.diff(time_s))))
+    starts_s = np.array([one.start_time_ns / 1e9 for one in told])
+    ends_s = np.array([one.end_time_ns / 1e9 for one in told])
+    true_m = np.interp(ends_s, time_s, way_m) - np.interp(starts_s, time_s, way_m)
+    told_m = np.array([math.hypot(*one.displacement_m) for one in told])
+    errors_m_s: Array = (told_m - true_m) / (ends_s - starts_s)
+    return errors_m_s
+
+
+@pytest.mark.parametrize("lie", [None, "tilted", "any"])
+def test_speed_and_heading_hold_through_turns_a_stop_and_slips(lie: Lie | None) -> None:
+    truth = town()
+    samples = truth.recording
+    if lie is not None:
+        samples = mounted(samples, lie, default_rng(7)).recording
+    mount = VehicleMount()
+    mount.know_speed(8.0, 0.1)
+    told = mount.steps(samples) + mount.finish()
+    assert np.sqrt(np.mean(speed_errors_m_s(told, truth) ** 2)) < 1.0
+    turned_rad = wrap_rad(told[-1].heading_rad - truth.heading_rad[-1] + truth.heading_rad[0])
+    assert abs(turned_rad) < math.radians(20.0)
+    stood_s = sum(
+        one.end_time_ns - one.start_time_ns for one in told if 30e9 < one.end_time_ns < 35e9
+    )
+    assert stood_s == 0, "standing tells nothing"
+
+
+def test_a_start_from_rest_needs_no_speed_told() -> None:
+    truth = drive(((0.0, 0.0), (4.0, 0.0), (12.0, 12.0), (20.0, 11.0), (30.0, 12.0)))
+    turned = mounted(truth.recording, "any", default_rng(3)).recording
+    rows = slice(0, int(np.searchsorted(turned.time_ns, round(14e9))))
+    mount = VehicleMount()
+    told = mount.steps(turned.rows(rows)) + mount.finish()
+    assert mount.ready
+    assert told[0].start_time_ns > 2.9e9, "it stood"
+    assert np.sqrt(np.mean(speed_errors_m_s(told, truth) ** 2)) < 1.0
+
+
+def test_an_unknown_speed_is_found_from_the_road() -> None:
+    truth = drive(((0.0, 14.0), (15.0, 15.0), (30.0, 13.0)))
+    mount = VehicleMount()
+    told = mount.steps(truth.recording) + mount.finish()
+    assert np.abs(speed_errors_m_s(told, truth)[-8:]).max() < 1.5
+
+
+@WHICH
+def test_single_steps_and_a_copy_tell_what_a_batch_does(
+    new_mount: Callable[[], VehicleMount | PublishedVehicleMount],
+) -> None:
+    samples = town().recording.rows(slice(0, 1200))
+    batch = new_mount()
+    told = batch.steps(samples) + batch.finish()
+    single = new_mount()
+    stepped = [one for sample in samples.rows(slice(0, 700)) if (one := single.step(sample))]
+    resumed = copy.deepcopy(single)
+    stepped += resumed.steps(samples.rows(slice(700, 1200))) + resumed.finish()
+    assert told
+    assert stepped == told
+
+
+@WHICH
+def test_missing_repeated_and_unreadable_samples_are_counted(
+    new_mount: Callable[[], VehicleMount | PublishedVehicleMount],
+) -> None:
+    samples = list(town().recording.rows(slice(0, 2000)))
+    nothing = ImuSample(samples[1].time_ns + 1, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))
+    broken = [*samples[:900], samples[400], nothing, *samples[930:1300], *samples[1600:]]
+    mount = new_mount()
+    told = [one for sample in broken if (one := mount.step(sample))] + mount.finish()
+    assert (mount.faults.unusable, mount.faults.out_of_order, mount.faults.gaps) == (1, 1, 2)
+    assert all(abs(number) <= 100.0 for one in told for number in one.displacement_m)
+    ends_ns = [one.end_time_ns for one in told]
+    assert ends_ns == sorted(ends_ns)
+
+
+@WHICH
+@given(
+    seed=st.integers(0, 10_000),
+    size=st.sampled_from([0.0, 1.0, 1e2, 1e5]),
+    turn=st.sampled_from([0.0, 1.0, 1e2, 1e5]),
+)
+@settings(max_examples=12, deadline=None)
+def test_nothing_that_a_sample_holds_makes_it_raise(
+    new_mount: Callable[[], VehicleMount | PublishedVehicleMount],
+    seed: int,
+    size: float,
+    turn: float,
+) -> None:
+    chance = default_rng(seed)
+    count = 400
+    steps_s = chance.choice([0.01, 0.03, 0.3, 1.5], size=count, p=[0.9, 0.07, 0.02, 0.01])
+    samples = Recording(
+        np.rint(1e9 * np.cumsum(steps_s)).astype(np.int64),
+        np.clip(chance.normal(0.0, 1.0, (count, 3)) * size, -1e5, 1e5) - [0.0, 0.0, 9.8],
+        np.clip(chance.normal(0.0, 1.0, (count, 3)) * turn, -1e5, 1e5),
+    )
+    samples = replace(samples, force_m_s2=np.clip(samples.force_m_s2, -1e5, 1e5))
+    mount = new_mount()
+    for one in mount.steps(samples) + mount.finish():
+        assert all(abs(number) <= 100.0 for number in one.displacement_m)
+        assert all(math.isfinite(number) and abs(number) < 1e12 for number in one.covariance)
+        assert min(one.covariance[0], one.covariance[4], one.covariance[9]) >= 0.0
