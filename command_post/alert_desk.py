@@ -9,6 +9,7 @@ caller says it is, and what was due before is dated by when it was due.
 from __future__ import annotations
 
 import heapq
+import re
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -26,6 +27,7 @@ from shared.messages import (
     Beat,
     Message,
     NodeId,
+    OutsideWord,
     StrangerNoticed,
 )
 from shared.topics import Role
@@ -41,6 +43,9 @@ HOLDS_SILENT = 20
 
 MOST_ALERTS = 1000
 """More that are resolved are forgotten, the oldest first."""
+
+_NO_ID = re.compile(r"[^A-Za-z0-9_-]")
+MOST_ID = 32
 
 _WORDS: dict[str, str] = {
     "motionless": "does not move",
@@ -116,6 +121,16 @@ class AlertDesk:
         """Take in that the gate turns somebody away."""
         node = (stranger.role, stranger.node_id)
         return self._raise("intruder", "intruder", node, now_ns, stranger.words)
+
+    def hear_outside(self, word: OutsideWord, now_ns: int) -> list[Alert]:
+        """Take in what another system says: a mayday there is one here."""
+        node: Node = ("post", _NO_ID.sub("_", word.callsign)[:MOST_ID])
+        if word.kind == "mayday":
+            words = f"calls mayday in TAK: {word.words}".rstrip(": ")
+            return self._raise(f"outside {word.uid}", "mayday", node, now_ns, words)
+        if word.kind == "cancel":
+            return self._over(f"outside {word.uid}", node, now_ns, "taken back in TAK")
+        return []
 
     def doubt(self, doubts: Iterable[Known], now_ns: int) -> list[Alert]:
         """Take in all that the fusion doubts at ``now_ns``."""

@@ -42,6 +42,7 @@ from shared.messages import (
     OrderAnswer,
     OrderReply,
     OrderRequest,
+    OutsideWord,
     PositionFix,
     ProximityEvent,
     Receipt,
@@ -295,6 +296,8 @@ class Incident:
                 return self._order(key.node_id, message, now_ns)
             if isinstance(message, AlertRequest):
                 return self._alerted(self._alerts.request(key.node_id, message, now_ns))
+            if isinstance(message, OutsideWord):
+                return self._alerted(self._alerts.hear_outside(message, now_ns))
             if isinstance(message, StrangerNoticed):
                 return self._alerted(self._alerts.notice(message, now_ns))
             if key.topic in _FUSED:

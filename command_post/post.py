@@ -12,7 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import structlog
 from msgspec import structs
@@ -22,7 +22,6 @@ from command_post.company import Company
 from command_post.figures import Figures, by_reason
 from command_post.freshness import NodeWatch
 from command_post.incident import Incident
-from command_post.meanwhile import last_told, telling
 from command_post.metrics import Metrics
 from command_post.orders import OrderRepeats
 from command_post.reception import Reception
@@ -33,7 +32,6 @@ from command_post.safekeeping import Safekeeping
 from command_post.station_notice import StationNotice
 from command_post.strangers import Strangers
 from command_post.voice import Voice
-from command_post.web.page import Page
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received
 from shared.clock import Clock, PacedClock
@@ -84,6 +82,19 @@ class _Heard(NamedTuple):
     came_ns: int
 
 
+class Guest(Protocol):
+    """Somebody at the post who follows what it says, and may ask for something: its page, TAK."""
+
+    def published(self, key_text: str, payload: bytes) -> None:
+        """Take in what the post has published."""
+
+    def show(self, roster: Roster) -> None:
+        """Take in the newest roster."""
+
+    def take_requests(self) -> list[tuple[str, bytes]]:
+        """Return what was asked for since, as messages under their keys."""
+
+
 class Post:
     """Hears an incident over a bus, records it, and says what it makes of it."""
 
@@ -101,7 +112,7 @@ class Post:
         meet: Callable[[Identity], object] = lambda _: None,
         sign: Sign | None = None,
         metrics: Metrics | None = None,
-        page: Page | None = None,
+        guests: Sequence[Guest] = (),
         remarks: Sequence[str] = (),
         checkpoints: Checkpoints | None = None,
         stations: StationTable | None = None,
@@ -110,8 +121,8 @@ class Post:
 
         ``gate``: what lets messages in; without one, everybody is believed. ``outbox``: what seals
         what the post says. ``meet``: asks a node that comes who it is. ``sign``: signs what the
-        post answers. ``metrics``: who is told of all that the post counts. ``page``: where
-        people see it, and ask for what they want. ``remarks``: what the
+        post answers. ``metrics``: who is told of all that the post counts. ``guests``: who is
+        told all that is published, and asks for what people want. ``remarks``: what the
         roster is to say of how it was begun. ``checkpoints``: keep the post's state now and then.
         ``stations``: whose radio is whose, to be told to DAPs and responders' units.
         """
@@ -135,7 +146,7 @@ class Post:
         self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
         self._metrics = metrics
-        self._page = page
+        self._guests = tuple(guests)
         self._strangers = Strangers()
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._company = Company(bus, name, post_id, meet, self._hear)
@@ -160,9 +171,8 @@ class Post:
             self._gate.remember(kept.state.remembered)
             if kept.state.exercise is not None:
                 self._follow(*kept.state.exercise)
-        told = last_told(recording) if kept is None else []
         since = recording.since(0 if kept is None else kept.position_bytes)
-        resumed = resume(telling(since, told, self._publish), self._incident, self._recall)
+        resumed = resume(since, self._incident, self._recall)
         self._passed_ns = resumed.last_ns or (0 if kept is None else kept.state.last_ns)
         self._incident.take_notices()
         self._recorder.mark_resumed(self._clock.now_ns())
@@ -210,7 +220,7 @@ class Post:
             self._handle_all(heard)
             if not heard:
                 self._pass_time()
-            self._heed_page()
+            self._heed_guests()
             self._give_receipts()
             self._keep_state()
             if time.monotonic() >= next_show_s:
@@ -245,8 +255,8 @@ class Post:
     def _tell_figures(self) -> None:
         roster = self.roster(self._clock.now_ns())
         self._show(roster)
-        if self._page is not None:
-            self._page.show(roster)
+        for guest in self._guests:
+            guest.show(roster)
         if self._metrics is not None:
             self._metrics.show(self._figures(roster))
         for key, payload in self._strangers.noticed(
@@ -337,10 +347,10 @@ class Post:
     def _has_room(self) -> bool:
         return len(self._inbox) < MOST_WAITING
 
-    def _heed_page(self) -> None:
-        """Do what people at the page ask for: they were let in there."""
-        if self._page is not None:
-            for key, payload in self._page.take_requests():
+    def _heed_guests(self) -> None:
+        """Do what people ask for: they were let in where they did."""
+        for guest in self._guests:
+            for key, payload in guest.take_requests():
                 self._take_own(key, payload)
 
     def _take_own(self, key: str, payload: bytes) -> None:
@@ -351,8 +361,8 @@ class Post:
         for key, payload in self._voice.say(outgoing):
             if self._metrics is not None:
                 self._metrics.published(key, payload, self._clock.now_ns())
-            if self._page is not None:
-                self._page.published(key, payload)
+            for guest in self._guests:
+                guest.published(key, payload)
 
     def _repeat_orders(self) -> None:
         """Say again what somebody who is alive has not acknowledged."""

@@ -39,7 +39,9 @@ def pooled_table(name: str, score: ScenarioScore) -> Table:
     """Return the errors of all runs of a scenario, thrown together."""
     headings = ("PDR alone", "Fused live", "Afterwards")
     ways = [score.pdr, score.live] + ([] if score.after is None else [score.after])
-    table = _table(f"{name}, {score.runs} runs", *headings[: len(ways)])
+    table = _table(
+        f"{name}, {score.runs} runs, {score.daps_a_run:.1f} DAPs set down", *headings[: len(ways)]
+    )
 
     def add(what: str, told: Callable[[PooledMethod], str]) -> None:
         table.add_row(what, *map(told, ways))

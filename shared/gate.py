@@ -201,6 +201,8 @@ class Gate:
             if numbers is not None:
                 self.gone[journal] += numbers.give_up(min(beat.kept_from, beat.last_number + 1))
                 numbers.exist(beat.last_number)
+                for number in beat.lost:
+                    self.gone[journal] += number <= beat.last_number and numbers.take(number)
 
     def _numbers(self, journal: JournalRun) -> ReceivedNumbers | None:
         numbers = self._journals.get(journal)

@@ -1,4 +1,7 @@
-"""A node tells once a second what its journal holds, answers for it, and heeds receipts."""
+"""A node tells once a second what its journal holds, answers for it, and heeds receipts.
+
+And as soon as it has a link again: it is heard at once, and what it said meanwhile is asked for.
+"""
 
 from __future__ import annotations
 
@@ -53,12 +56,15 @@ class Heartbeat:
         self._gate = Gate(verifier)
         self._receipts: Inbox[Received] = Inbox(MOST_RECEIPTS)
         self._stop = threading.Event()
+        self._wake = threading.Event()
         # No daemon: it is inside Zenoh when it publishes.
         self._thread = threading.Thread(target=self._run, name="heartbeat", daemon=False)
         bus.subscribe(str(Key(incident, "post", "*", "receipt")), self._receipts.put)
         bus.answer(
             journal_key(incident, role, node_id), lambda request: reply_to(request, outbox.rows)
         )
+
+        bus.on_link(self._wake.set)
 
     def beat(self) -> None:
         """Heed the receipts that have come, and tell what is held."""
@@ -74,6 +80,7 @@ class Heartbeat:
                     last_number=holding.last_number,
                     kept_from=holding.kept_from,
                     acknowledged=holding.acknowledged,
+                    lost=holding.lost,
                     clock=self._clock_statement(holding.run),
                 )
             )
@@ -86,12 +93,14 @@ class Heartbeat:
     def __exit__(self, *_: object) -> None:
         """Beat a last time, and no more."""
         self._stop.set()
+        self._wake.set()
         self._thread.join()
 
     def _run(self) -> None:
         while not self._stop.is_set():
             self.beat()
-            self._stop.wait(PERIOD_S)
+            self._wake.wait(PERIOD_S)
+            self._wake.clear()
         self.beat()
 
     def _heed(self, received: Received) -> None:

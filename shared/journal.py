@@ -11,7 +11,7 @@ import sqlite3
 import threading
 import time
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -21,6 +21,7 @@ import structlog
 
 from shared.files import file_held_alone
 from shared.kept import Holding, Row, SealAs, within_bytes
+from shared.messages import MOST_LOST
 from shared.seal import RUN_BYTES
 from shared.units import NS_PER_S
 
@@ -87,6 +88,9 @@ class Journal:
         """
         self.path = path
         self._now_ns = now_ns
+        self._lost: tuple[int, ...] = ()
+        """Messages that are not as they were written, of those that somebody asked for."""
+
         self._writing = threading.Lock()
         self._reading = threading.Lock()
         self._open = ExitStack()
@@ -119,18 +123,33 @@ class Journal:
     def rows(self, first: int, last: int, most_rows: int, most_bytes: int) -> list[Row]:
         """Return messages from number ``first`` to ``last``, in order, as many as may be.
 
-        The first one is returned however long it is; none that the disk has altered. Raises
-        ``JournalError``.
+        The first one is returned however long it is; none that the disk has altered: such are
+        noted as lost. Raises ``JournalError``.
         """
         query = (
             "SELECT number, key, payload, checksum FROM message WHERE number BETWEEN ? AND ? "
             "ORDER BY number LIMIT ?"
         )
         with self._reading, _as_journal_error(self.path):
-            found = self._reader.execute(query, (first, last, most_rows))
-            rows = list(within_bytes(_unaltered(found), most_bytes))
-            found.close()
-        return rows
+            written = min(last, self._holding.last_number)
+            found = self._reader.execute(query, (first, last, most_rows)).fetchall()
+            rows = list(_unaltered(found))
+            read_to = found[-1][0] if len(found) == most_rows else written
+            self._miss(range(first, read_to + 1), {row.number for row in rows})
+        return list(within_bytes(rows, most_bytes))
+
+    def _miss(self, seen: range, whole: Collection[int]) -> None:
+        """Note what is not ``whole`` of the numbers ``seen``, as far as it is safe nowhere else."""
+        holding = self._holding
+        begin = max(seen.start, holding.kept_from, holding.acknowledged + 1)
+        needed = range(begin, seen.stop)
+        news = {number for number in needed if number not in whole}.difference(self._lost)
+        if news:
+            self._lost = (*self._lost, *sorted(news))
+            _log.error(
+                "messages of the journal are not on the disk as they were written: they are lost",
+                journal=str(self.path), numbers=sorted(news)[:MOST_LOST],
+            )  # fmt: skip
 
     def newest(self, key: str) -> bytes | None:
         """Return what was said last under ``key``, if it is still there. As ``rows``."""
@@ -161,7 +180,9 @@ class Journal:
 
     def holding(self) -> Holding:
         """Say what is held, without waiting for what is being written."""
-        return self._holding
+        holding = self._holding
+        needed = sorted(number for number in self._lost if number > holding.acknowledged)
+        return holding._replace(lost=tuple(needed[:MOST_LOST]))
 
     def close(self) -> None:
         """Close the file and let go of it. Closing twice is harmless."""

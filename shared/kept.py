@@ -24,6 +24,7 @@ class Holding(NamedTuple):
     last_number: int
     kept_from: int
     acknowledged: int
+    lost: tuple[int, ...] = ()
 
 
 class Keeps(Protocol):

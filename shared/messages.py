@@ -74,6 +74,7 @@ UNKNOWN_FACING_SD_RAD = 1.81
 HealthLevel: TypeAlias = Literal["ok", "warning", "fault"]
 OrderKind: TypeAlias = Literal["evacuate", "roll_call", "message"]
 MOST_WORDS = 200
+MOST_LOST = 64
 Words: TypeAlias = Annotated[str, Meta(min_length=1, max_length=MOST_WORDS)]
 
 RunId: TypeAlias = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}$")]
@@ -381,7 +382,8 @@ class Beat(Message, frozen=True, kw_only=True):
 
     ``run`` is the journal's and ``last_number`` its newest message's, of which those before
     ``kept_from`` are there no more and those up to ``acknowledged`` are known to be safe elsewhere.
-    ``clock`` is what the node knows of its clock, ``None`` if nothing.
+    The disk has ``lost`` some between: nobody is to wait for them. ``clock`` is what the node knows
+    of its clock, ``None`` if nothing.
     """
 
     run: RunId
@@ -389,6 +391,7 @@ class Beat(Message, frozen=True, kw_only=True):
     kept_from: MessageNumber
     acknowledged: MessageNumber
     clock: ClockStatement | None = None
+    lost: Annotated[tuple[MessageNumber, ...], Meta(max_length=MOST_LOST)] = ()
 
 
 class SafeUpTo(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -483,6 +486,19 @@ class StrangerNoticed(Message, frozen=True, kw_only=True):
     role: Literal["responder", "dap", "post"]
     node_id: NodeId
     words: Words
+
+
+class OutsideWord(Message, frozen=True, kw_only=True):
+    """What somebody in another system (TAK) says: a marker on their map, a message, a mayday.
+
+    ``uid`` and ``callsign`` are theirs; ``cancel`` takes a mayday of that ``uid`` back.
+    """
+
+    kind: Literal["marker", "message", "mayday", "cancel"]
+    uid: Words
+    callsign: Words
+    words: Annotated[str, Meta(max_length=MOST_WORDS)]
+    position: LocalPosition | None
 
 
 class ExerciseStart(Message, frozen=True, kw_only=True):

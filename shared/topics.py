@@ -28,6 +28,7 @@ from shared.messages import (
     OrderAnswer,
     OrderReply,
     OrderRequest,
+    OutsideWord,
     PositionFix,
     ProximityEvent,
     Receipt,
@@ -94,6 +95,7 @@ TOPICS: dict[str, Topic] = {
         Topic("alert", Alert, ("post",), 0.0, "high", True, False),
         Topic("alert_request", AlertRequest, ("post",), 0.0, "high", True, False),
         Topic("stranger", StrangerNoticed, ("post",), 0.0, "high", True, False),
+        Topic("outside", OutsideWord, ("post",), 0.0, "high", True, False),
         Topic("exercise", ExerciseStart, ("post",), 0.0, "high", True, False),
         Topic("truth", Truth, ("responder", "dap"), 2.0, "low", True, False),
     )

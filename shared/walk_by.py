@@ -45,14 +45,6 @@ class WalkBy(NamedTuple):
         return np.asarray(np.linalg.norm(self.beacon_m - self.receiver_m[self.receiver], axis=1))
 
 
-class PathLoss(NamedTuple):
-    """Mean power at a metre, exponent of its fall with range, and spread about that (dB)."""
-
-    power_at_1_m_dbm: float
-    exponent: float
-    spread_db: float
-
-
 def read_walk_by(path: Path) -> WalkBy:
     """Return the recording at ``path``; raise ``NpzFileError`` if it is not a whole one."""
     arrays = load_npz(path)
@@ -84,25 +76,20 @@ def read_walk_by(path: Path) -> WalkBy:
     )
 
 
-def path_loss(recordings: list[WalkBy]) -> PathLoss:
-    """Fit power to the logarithm of range, over all readings, by least squares."""
-    decades = np.concatenate([np.log10(one.slant_m) for one in recordings])
-    rssi_dbm = np.concatenate([one.rssi_dbm for one in recordings])
-    slope_db, power_dbm = np.polyfit(decades, rssi_dbm, 1)
-    residual_db = rssi_dbm - (power_dbm + slope_db * decades)
-    return PathLoss(float(power_dbm), float(-slope_db / 10.0), float(residual_db.std()))
-
-
 def calibration_db(recordings: list[WalkBy]) -> float:
-    """Return what brings the beacon to the product's scale: ``DapSettings.offset_db``.
-
-    It is the median of what readings near by lack of the nominal power, as of a DAP whose
-    installer stands beside it. Raises ``ValueError`` where there are none.
-    """
+    """Return what brings the beacon to the product's scale: see ``offset_beside``."""
     slant_m = np.concatenate([one.slant_m for one in recordings])
-    rssi_dbm = np.concatenate([one.rssi_dbm for one in recordings])
-    beside = slant_m < BESIDE_M
+    return offset_beside(slant_m, np.concatenate([one.rssi_dbm for one in recordings]))
+
+
+def offset_beside(range_m: Array, rssi_dbm: Array) -> float:
+    """Return what is to be added to readings (n,) to bring their radio to the product's scale.
+
+    It is the median of what those near by lack of the nominal power, as of a DAP whose installer
+    stands beside it. Raises ``ValueError`` where there are none.
+    """
+    beside = range_m < BESIDE_M
     if not beside.any():
         raise ValueError(f"no reading within {BESIDE_M:g} m to calibrate by; give --config")
-    nominal_dbm = NOMINAL_AT_1_M_DBM - 10.0 * NOMINAL_EXPONENT * np.log10(slant_m[beside])
+    nominal_dbm = NOMINAL_AT_1_M_DBM - 10.0 * NOMINAL_EXPONENT * np.log10(range_m[beside])
     return float(np.median(nominal_dbm - rssi_dbm[beside]))

@@ -29,6 +29,7 @@ from shared.messages import (
     OrderAnswer,
     OrderReply,
     OrderRequest,
+    OutsideWord,
     PositionFix,
     ProximityEvent,
     Receipt,
@@ -180,6 +181,9 @@ def one_of_each() -> dict[str, Message]:
             assigned_to="r2",
         ),
         "alert_request": AlertRequest(**common, number=4, stage="acknowledged", assigned_to=None),
+        "outside": OutsideWord(
+            **common, kind="marker", uid="u-1", callsign="Engine 5", words="hydrant", position=_HERE
+        ),
         "stranger": StrangerNoticed(**common, role="dap", node_id="d1", words="not signed"),
         "exercise": ExerciseStart(**common, scenario="course", seed=7, speed=10.0),
         "truth": Truth(**common, north_m=1.0, east_m=2.0, down_m=0.0),

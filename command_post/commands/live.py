@@ -18,6 +18,7 @@ from command_post.checkpoint import Checkpoints, checkpoint_path, load
 from command_post.commands.prepare import make_ready
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
+from command_post.gateways.tak import TakServer, linked_to_tak
 from command_post.incident import Incident, IncidentSettings
 from command_post.metrics_server import metrics_address, told
 from command_post.plan_file import with_usable_plan
@@ -33,6 +34,7 @@ from shared.config import checked
 from shared.continued_clock import continued_clock
 from shared.files import FileHeldError, file_held_alone
 from shared.gate import Gate
+from shared.geodesy import parse_origin
 from shared.introductions import Introductions
 from shared.mcap_reader import read_recording
 from shared.process import (
@@ -67,6 +69,11 @@ def run(
     metrics: str | None = None,
     page: str | None = None,
     people: Path | None = None,
+    origin: str | None = None,
+    tak: str | None = None,
+    tak_cert: Path | None = None,
+    tak_key: Path | None = None,
+    tak_ca: Path | None = None,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -110,6 +117,17 @@ def run(
     people
         File of those who may sign in at the page ('command-post people' makes it). Without one
         the page is for this machine alone, and whoever sits there commands.
+    origin
+        Where the incident's origin is: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], degrees and metres
+        above the ellipsoid; BEARING is how far its north is clockwise of true north.
+    tak
+        A TAK server to tell, and to hear: tcp://HOST:PORT or tls://HOST:PORT.
+    tak_cert
+        This post's certificate for the TAK server (PEM).
+    tak_key
+        Its private key (PEM).
+    tak_ca
+        The TAK server's authority (PEM).
     await_start
         Take the time from the exercise's start, once it is given.
     with_parent
@@ -131,6 +149,8 @@ def run(
         )
         bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
         address = None if metrics is None else metrics_address(metrics, bundle)
+        place = None if origin is None else parse_origin(origin)
+        server = None if tak is None else TakServer(tak, tak_cert, tak_key, tak_ca)
         shown_at = None if page is None else page_address(page, bundle, people)
         with ended_by_signals():
             make_ready(settings.fusion)
@@ -149,7 +169,8 @@ def run(
                 Recorder(record, metadata, resume=True) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
-                page_served(shown_at, incident, post_id, bundle, people) as served,
+                page_served(shown_at, incident, post_id, bundle, people, place) as served,
+                linked_to_tak(server, incident, place) as tak_link,
             ):
                 state = checkpoint_path(record)
                 part = recorder.unfinished
@@ -161,7 +182,9 @@ def run(
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=introductions.meet, sign=None if bundle is None else bundle.sign,
-                    metrics=figures, page=served, remarks=() if refused is None else (refused,),
+                    metrics=figures,
+                    guests=[each for each in (served, tak_link) if each is not None],
+                    remarks=() if refused is None else (refused,),
                     checkpoints=Checkpoints(state, recorder), stations=listed,
                 )  # fmt: skip
                 if part is not None:

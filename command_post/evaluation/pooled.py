@@ -92,6 +92,7 @@ class Latency(msgspec.Struct, frozen=True):
 class ScenarioScore(msgspec.Struct, frozen=True, kw_only=True):
     """All runs of one scenario, their errors thrown together.
 
+    ``daps_a_run`` is how many DAPs somebody set down, on average.
     ``after`` is ``None`` where the way of fusing has no such. ``latency_ms`` is measured on the
     machine that ran it, and the one thing here that no seed repeats.
     """
@@ -101,6 +102,7 @@ class ScenarioScore(msgspec.Struct, frozen=True, kw_only=True):
     after: PooledMethod | None
     pdr: PooledMethod
     latency_ms: Latency | None = None
+    daps_a_run: float = 0.0
 
 
 class PooledScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -130,6 +132,7 @@ def _scenario_score(runs: Sequence[RunErrors]) -> ScenarioScore:
         live=_pooled([run.live for run in runs], redrawn),
         after=_pooled(smoothed, redrawn) if runs and len(smoothed) == len(runs) else None,
         pdr=_pooled([run.pdr for run in runs], redrawn),
+        daps_a_run=float(np.mean([len(run.live.dap_m) for run in runs])) if runs else 0.0,
     )
 
 

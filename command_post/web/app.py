@@ -26,6 +26,7 @@ from command_post.web.board import Changes
 from command_post.web.guard import Guard
 from command_post.web.page import Page
 from command_post.web.people import LOCAL_NAME, Door, Role, Session
+from shared.geodesy import Origin
 from shared.messages import (
     AlertRequest,
     Coordinate,
@@ -84,6 +85,7 @@ class Site(NamedTuple):
     """What a page is about, and who may come in; without a ``door`` nobody needs to sign in.
 
     ``secure``: it is served encrypted. ``hosts``: the names it goes by; empty for any.
+    ``origin``: where on the Earth the incident is, if that is known.
     """
 
     incident: NodeId
@@ -92,6 +94,7 @@ class Site(NamedTuple):
     door: Door | None
     secure: bool
     hosts: frozenset[str]
+    origin: Origin | None = None
 
 
 class _RefusedError(Exception):
@@ -131,6 +134,7 @@ class _Api:
             Route("/sign-in", self.sign_in, methods=["POST"]),
             Route("/sign-out", self.sign_out, methods=["POST"]),
             Route("/state", self.state),
+            Route("/features.geojson", self.features),
             Route("/events", self.events),
             Route("/orders", self.order, methods=["POST"]),
             Route("/alerts/{number:int}", self.alert, methods=["POST"]),
@@ -172,6 +176,13 @@ class _Api:
     async def state(self, request: Request) -> Response:
         self._may(request, "viewer")
         return _json(self._site.page.since(0))
+
+    async def features(self, request: Request) -> Response:
+        self._may(request, "viewer")
+        if self._site.origin is None:
+            why = "nobody has said where on the Earth this is: start the post with --origin"
+            raise _RefusedError(HTTPStatus.NOT_FOUND, why)
+        return _json(self._site.page.features(self._site.origin), media_type="application/geo+json")
 
     async def events(self, request: Request) -> Response:
         self._may(request, "viewer")
@@ -295,10 +306,14 @@ async def _tell_refusal(_: Request, refused: Exception) -> Response:
     return _json({"error": str(refused)}, status)
 
 
-def _json(told: Any, status: HTTPStatus = HTTPStatus.OK) -> Response:
+def _json(
+    told: Any,
+    status: HTTPStatus = HTTPStatus.OK,
+    media_type: str = "application/json",
+) -> Response:
     return Response(
         msgspec.json.encode(told),
         status_code=status,
-        media_type="application/json",
+        media_type=media_type,
         headers={"Cache-Control": "no-store"},
     )

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import NamedTuple, TypeAlias
 
 import msgspec
 
 from command_post.confidence import CHI_SQUARE_95, axes95
 from command_post.floors import Floor, floors_of
-from command_post.roster import ResponderRow, Roster
+from command_post.roster import DapRow, ResponderRow, Roster
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import Alert, NodeId, OrderAnswer, Outline, TrackEstimate, TrackStatus
 from shared.units import NS_PER_S
@@ -91,6 +91,7 @@ class Board:
         self._trails: dict[NodeId, deque[Point]] = {}
         self._alerts: dict[int, tuple[int, Alert]] = {}
         self._answers: deque[tuple[int, OrderAnswer]] = deque(maxlen=MOST_ANSWERS)
+        self.daps: tuple[DapRow, ...] = ()
         self._roster: tuple[int, msgspec.Raw] = (0, msgspec.Raw(b"null"))
         self._floors: tuple[int, list[Floor]] = (0, [])
 
@@ -118,6 +119,7 @@ class Board:
         """Take in the roster, and as it was ``encoded`` in JSON."""
         self.version += 1
         self._now_ns = roster.now_ns
+        self.daps = roster.daps
         self._roster = (self.version, msgspec.Raw(encoded))
         self._grow(roster.responders)
         floors = floors_of(
@@ -126,10 +128,6 @@ class Board:
         )  # fmt: skip
         if floors != self._floors[1]:
             self._floors = (self.version, floors)
-
-    def alerts(self) -> Mapping[int, Alert]:
-        """Return all alerts, by number."""
-        return {number: alert for number, (_, alert) in self._alerts.items()}
 
     def since(self, version: int) -> Changes:
         """Return what has changed since ``version``; since 0, everything, and trails whole."""

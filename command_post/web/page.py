@@ -5,11 +5,13 @@ from __future__ import annotations
 import threading
 import time
 
+from command_post.gateways.geojson import Feature, Scene, feature_collection
 from command_post.roster import Roster
 from command_post.roster_json import roster_json
 from command_post.web.board import Board, Changes
 from shared.bus.inbox import Inbox
 from shared.codec import encode
+from shared.geodesy import Origin
 from shared.messages import Message, NodeId
 from shared.topics import TOPICS, Key
 
@@ -46,6 +48,12 @@ class Page:
         """Return what has changed since ``version`` of the board."""
         with self._lock:
             return self._board.since(version)
+
+    def features(self, origin: Origin) -> Feature:
+        """Return who and what is where, as GeoJSON."""
+        with self._lock:
+            whole, daps = self._board.since(0), self._board.daps
+        return feature_collection(Scene(whole.tracks, whole.trails or {}, daps), origin)
 
     @property
     def now_ns(self) -> int:

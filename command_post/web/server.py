@@ -16,6 +16,7 @@ from command_post.listening import Address, listening_address
 from command_post.web.app import Site, make_app
 from command_post.web.page import Page
 from command_post.web.people import LOCAL_NAME, Door, Person, load_people
+from shared.geodesy import Origin
 from shared.messages import NodeId
 from shared.security.bundle import CERTIFICATE_FILE, KEY_FILE, Bundle
 
@@ -50,6 +51,7 @@ def page_served(
     post_id: NodeId,
     bundle: Bundle | None,
     people: Path | None,
+    origin: Origin | None,
 ) -> Iterator[Page | None]:
     """Serve a page at ``address`` until the block ends, and give it; ``None`` without an address.
 
@@ -63,7 +65,7 @@ def page_served(
     door = None if people is None else Door(_named(people, post_id), time.monotonic())
     secure = bundle is not None and not address.is_local
     hosts = _LOCAL_NAMES if address.is_local else frozenset[str]()
-    site = Site(incident, post_id, page, door, secure=secure, hosts=hosts)
+    site = Site(incident, post_id, page, door, secure=secure, hosts=hosts, origin=origin)
     listening = _listen(address)
     server = _server(site, bundle if secure else None)
     thread = threading.Thread(target=server.run, args=([listening],), name="page")

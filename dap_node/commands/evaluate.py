@@ -1,4 +1,4 @@
-"""``dap-node evaluate``: how near 'near' is."""
+"""``dap-node evaluate``: how near 'near' is, and what a real radio says of range."""
 
 from __future__ import annotations
 
@@ -8,24 +8,32 @@ from pathlib import Path
 from typing import Annotated, NamedTuple, TypeVar
 
 import msgspec
+import numpy as np
 import structlog
 from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
-from dap_node.evaluation import LinkTrial, ProximityScore, score, try_dap
-from dap_node.peak_score import BIN_DB, FALSE_M, STRONG_DBM, PeakScore, score_peaks
+from dap_node.commands.nearness_report import nearness_object, print_nearness
+from dap_node.commands.radio_report import Kind, kind_object, print_kind
+from dap_node.comparison import compare
+from dap_node.evaluation import LinkTrial, try_dap
+from dap_node.measured import Measured, calibrated, offset_db, paced, read_measured
+from dap_node.proximity import Method
+from dap_node.radio_survey import survey, together
 from dap_node.settings import DapSettings
+from dap_node.survey_picture import draw_survey
 from dap_node.true_range import PASS_M
 from dap_node.walk_by import try_receivers
-from shared.config import load_toml
+from shared.config import checked, load_toml
 from shared.exercise import seeds_in
 from shared.process import ExitCode
 from shared.simulation.scenario import load_scenario
-from shared.walk_by import PathLoss, calibration_db, path_loss, read_walk_by
 
 Job = TypeVar("Job")
+
+SUFFIXES = (".npz", ".csv", ".csv.gz")
+"""What recordings are called."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -34,77 +42,181 @@ def evaluate(
     *what: str,
     seeds: str = "0-9",
     config: Path | None = None,
-    within: Annotated[float, Parameter(validator=validators.Number(gt=0.0))] = PASS_M,
+    method: Method | None = None,
+    within: Annotated[float | None, Parameter(validator=validators.Number(gt=0.0))] = None,
+    plot: Path | None = None,
     json: bool = False,
 ) -> int:
     """Measure how far from the DAP responders are when it tells of them.
 
+    Of recordings also what the radio says of range, and how the likelihood does beside the
+    published rule at the same rate of false alarms.
+
     Examples: dap-node evaluate four_daps --seeds 0-19;
-    dap-node evaluate ../shared/data/rssi_walkby --config beacon.toml
+    dap-node evaluate ../shared/data/rssi_walkby --plot radio.png
 
     Parameters
     ----------
     what
-        A packaged scenario's name, or a TOML file; or recordings of a beacon carried by receivers,
-        .npz files or folders of them.
+        A packaged scenario's name, or a TOML file; or recordings of a beacon carried by receivers
+        (.npz) or of access points heard on a grid (.csv, .csv.gz): files, or folders of them.
     seeds
         Of a scenario: one seed, or the first and the last: 0-9.
     config
         TOML file with offset_db, [proximity] and [peaks]. Recordings are brought to the usual
-        scale by their own readings near by, unless it gives an offset_db.
+        scale by their own readings near by unless it gives an offset_db, and windows are made as
+        long as their pace asks for unless it is given.
+    method
+        Rule by which nearness is told, in place of the configured one.
     within
-        Who comes within so many metres passes the DAP.
+        Who comes within so many metres passes the DAP: 1.5 if not given, but for the comparison of
+        the rules, which goes by the range that is near.
+    plot
+        Draw signal strength and its variance against range into this PNG; of recordings only.
     json
         Print one JSON object, and no table.
 
     """
     try:
-        settings = load_toml(config, DapSettings) if config else DapSettings()
+        settings = _settings(config, method, within)
         paths = [path for name in what for path in _recordings(Path(name))]
         if paths:
-            told = _try_recordings(paths, settings, within)
-        elif len(what) == 1:
-            told = _try_scenario(what[0], seeds, settings, within)
-        else:
+            return _evaluate_recordings(paths, settings, within, config, plot, json=json)
+        if len(what) != 1:
             raise ValueError("give one scenario, or recordings: .npz files or folders of them")
+        if plot is not None:
+            raise ValueError("--plot draws recordings; give some, or leave it out")
+        trials = _try_scenario(what[0], seeds, settings, within or PASS_M)
     except ValueError as error:
         _log.error(str(error))
         return ExitCode.USAGE
-    _show(told, within, json=json)
+    title = f"{what[0]}, seeds {seeds}"
+    if json:
+        _write({**nearness_object(trials), "path_loss": None, "offset_db": settings.offset_db})
+    else:
+        print_nearness(Console(), title, trials, within or PASS_M)
     return ExitCode.OK
 
 
-class _Told(NamedTuple):
-    """What was tried, and how it went; of recordings also how power falls, and what was added."""
-
-    title: str
-    trials: list[LinkTrial]
-    fit: PathLoss | None = None
-    offset_db: float = 0.0
+def _settings(config: Path | None, method: Method | None, within: float | None) -> DapSettings:
+    settings = load_toml(config, DapSettings) if config else DapSettings()
+    proximity = settings.proximity
+    if method is not None:
+        proximity = msgspec.structs.replace(proximity, method=method)
+    if within is not None:
+        near = msgspec.structs.replace(
+            proximity.range,
+            near_m=within,
+            far_m=max(proximity.range.far_m, 2.0 * within),
+            farthest_m=max(proximity.range.farthest_m, 3.0 * within),
+        )
+        proximity = msgspec.structs.replace(proximity, range=near)
+    return checked(msgspec.structs.replace(settings, proximity=proximity))
 
 
 def _recordings(path: Path) -> list[Path]:
     """Return the recordings that ``path`` names; none if it is a scenario."""
     if path.is_dir():
-        found = sorted(path.glob("*.npz"))
+        found = sorted(one for one in path.iterdir() if one.name.endswith(SUFFIXES))
         if not found:
-            raise ValueError(f"{path}: no .npz file in it; give a folder that has some")
+            raise ValueError(f"{path}: no .npz file in it, nor .csv; give a folder that has some")
         return found
-    return [path] if path.suffix == ".npz" else []
+    return [path] if path.name.endswith(SUFFIXES) else []
 
 
-def _try_recordings(paths: list[Path], settings: DapSettings, pass_m: float) -> _Told:
-    recordings = [read_walk_by(path) for path in paths]
-    offset_db = settings.offset_db or calibration_db(recordings)
-    calibrated = msgspec.structs.replace(settings, offset_db=offset_db)
-    trials = [
-        trial for one in _tracked(recordings) for trial in try_receivers(one, calibrated, pass_m)
+class _Read(NamedTuple):
+    """What could be read, and of what could not, why."""
+
+    recordings: list[Measured]
+    failed: list[str]
+
+
+def _read(paths: Sequence[Path]) -> _Read:
+    """Read what can be; raise the first complaint if that is nothing."""
+    recordings, failed = [], []
+    for path in paths:
+        try:
+            recordings.append(read_measured(path))
+        except ValueError as error:
+            failed.append(str(error))
+    if not recordings:
+        raise ValueError(failed[0])
+    return _Read(recordings, failed)
+
+
+def _evaluate_recordings(
+    paths: list[Path],
+    settings: DapSettings,
+    within: float | None,
+    config: Path | None,
+    plot: Path | None,
+    *,
+    json: bool,
+) -> int:
+    if plot is not None and not plot.resolve().parent.is_dir():
+        raise ValueError(f"--plot {plot}: no such folder; make it, or give another")
+    recordings, failed = _read(paths)
+    by_kind: dict[str, list[Measured]] = {}
+    for recording in recordings:
+        by_kind.setdefault(recording.kind, []).append(recording)
+    kinds = [
+        _measure(every, settings if config else paced(settings, every), within)
+        for every in _tracked(list(by_kind.values()))
     ]
-    names = ", ".join(path.stem for path in paths)
-    return _Told(names, trials, path_loss(recordings), offset_db)
+    if plot is not None:
+        draw_survey([each for kind in kinds for each in kind.surveys], plot)
+    _show(kinds, failed, within or PASS_M, json=json)
+    for complaint in failed:
+        _log.error(complaint)
+    return ExitCode.FAILURE if failed else ExitCode.OK
 
 
-def _try_scenario(name: str, seeds: str, settings: DapSettings, pass_m: float) -> _Told:
+def _measure(every: list[Measured], settings: DapSettings, within: float | None) -> Kind:
+    """Measure the recordings of one kind."""
+    chance = np.random.default_rng(0)
+    added_db = settings.offset_db or offset_db(every)
+    whole = msgspec.structs.replace(settings, offset_db=added_db)
+    near_m = settings.proximity.range.near_m
+    return Kind(
+        name=every[0].kind,
+        surveys=[(one, survey(one.readings, chance)) for one in every],
+        together=survey(together([one.readings for one in every]), chance),
+        offset_db=added_db,
+        near_m=near_m,
+        comparison=compare(calibrated(every, settings.offset_db), settings.proximity, near_m),
+        trials=[
+            trial
+            for one in every
+            if one.walk is not None
+            for trial in try_receivers(one.walk, whole, within or PASS_M)
+        ],
+    )
+
+
+def _show(kinds: list[Kind], failed: list[str], pass_m: float, *, json: bool) -> None:
+    trials = [trial for kind in kinds for trial in kind.trials]
+    if json:
+        first = kinds[0]
+        fit = first.together.fit
+        told: dict[str, object] = nearness_object(trials) if trials else {}
+        told["path_loss"] = {
+            "power_at_1_m_dbm": fit.power_at_1_m_dbm,
+            "exponent": fit.exponent,
+            "spread_db": fit.sigma_db,
+        }
+        told["offset_db"] = first.offset_db
+        told["kinds"] = [kind_object(kind) for kind in kinds]
+        _write({**told, "failed": failed})
+        return
+    console = Console()
+    for kind in kinds:
+        print_kind(console, kind)
+        if kind.trials:
+            names = ", ".join(one.name for one, _ in kind.surveys)
+            print_nearness(console, names, kind.trials, pass_m)
+
+
+def _try_scenario(name: str, seeds: str, settings: DapSettings, pass_m: float) -> list[LinkTrial]:
     scenario = load_scenario(name)
     jobs = [(dap_id, seed) for seed in seeds_in(seeds) for dap_id in scenario.daps]
     trials = [
@@ -114,7 +226,7 @@ def _try_scenario(name: str, seeds: str, settings: DapSettings, pass_m: float) -
     ]
     if not trials:
         raise ValueError(f"{name}: no DAP to evaluate; give a scenario that has one")
-    return _Told(f"{name}, seeds {seeds}", trials, None, settings.offset_db)
+    return trials
 
 
 def _tracked(jobs: Sequence[Job]) -> Iterable[Job]:
@@ -124,73 +236,5 @@ def _tracked(jobs: Sequence[Job]) -> Iterable[Job]:
     )
 
 
-def _show(told: _Told, pass_m: float, *, json: bool) -> None:
-    near, peaks = score(told.trials), score_peaks(trial.peaks for trial in told.trials)
-    if json:
-        sys.stdout.write(msgspec.json.encode(_as_object(told, near, peaks)).decode() + "\n")
-        return
-    console = Console()
-    if told.fit is not None:
-        console.print(
-            f"power at 1 m {told.fit.power_at_1_m_dbm:.1f} dBm, exponent {told.fit.exponent:.2f}, "
-            f"spread {told.fit.spread_db:.1f} dB; {told.offset_db:+.1f} dB added",
-            highlight=False,
-        )
-    console.print(_proximity_table(told.title, near, pass_m))
-    console.print(_peak_table("peaks", peaks, pass_m))
-    console.print(_range_table("range at the peak", peaks))
-
-
-def _as_object(told: _Told, near: ProximityScore, peaks: PeakScore) -> dict[str, object]:
-    return {
-        "proximity": near._asdict(),
-        "peaks": {**peaks._asdict(), "bins": [one._asdict() for one in peaks.bins]},
-        "path_loss": None if told.fit is None else told.fit._asdict(),
-        "offset_db": told.offset_db,
-    }
-
-
-def _proximity_table(title: str, told: ProximityScore, pass_m: float) -> Table:
-    table = Table("", "", title=title, show_header=False)
-    table.add_row(f"passes within {pass_m:g} m", f"{told.passes}")
-    table.add_row("of these noticed", f"{told.noticed}")
-    table.add_row("stays told", f"{told.stays}")
-    table.add_row(
-        "entering at, median, 95 %", f"{told.entered_p50_m:.1f} m, {told.entered_p95_m:.1f} m"
-    )
-    table.add_row("events told", f"{told.events}")
-    table.add_row(
-        "at, median, 90 %, 95 %", f"{told.p50_m:.1f} m, {told.p90_m:.1f} m, {told.p95_m:.1f} m"
-    )
-    table.add_row("beyond 3 m, 5 m", f"{told.beyond_3_m:.1%}, {told.beyond_5_m:.1%}")
-    return table
-
-
-def _peak_table(title: str, told: PeakScore, pass_m: float) -> Table:
-    table = Table("", "", title=title, show_header=False)
-    table.add_row(f"passes within {pass_m:g} m", f"{told.passes}")
-    table.add_row("with a peak, peaks in them", f"{told.noticed}, {told.in_passes}")
-    table.add_row(
-        "after the nearest by, median, 95 % either way",
-        f"{told.off_p50_s:+.2f} s, {told.off_abs_p95_s:.2f} s",
-    )
-    table.add_row("told after, median", f"{told.delay_p50_s:.1f} s")
-    table.add_row("peaks told", f"{told.peaks}")
-    table.add_row(
-        f"from {STRONG_DBM:.0f} dBm, of these beyond {FALSE_M:g} m",
-        f"{told.strong}, {told.strong_false}",
-    )
-    return table
-
-
-def _range_table(title: str, told: PeakScore) -> Table:
-    table = Table(
-        "peak, dBm", "peaks", "median, m", "95 %, m", "σ, m", "σ by median, m", title=title
-    )
-    for one in told.bins:
-        table.add_row(
-            f"{one.from_dbm} to {one.from_dbm + BIN_DB}",
-            f"{one.peaks}",
-            *(f"{value:.2f}" for value in one[2:]),
-        )
-    return table
+def _write(told: dict[str, object]) -> None:
+    sys.stdout.write(msgspec.json.encode(told).decode() + "\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from time import process_time
 from typing import Annotated, NamedTuple
@@ -13,17 +14,21 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import Progress
 
+from edge_agent.commands.drive_picture import draw_drive
 from edge_agent.commands.score_tables import print_degraded, print_tables
 from edge_agent.commands.track_picture import draw_trial
-from edge_agent.evaluation.course_truth import MountTruth
+from edge_agent.evaluation.course_truth import DrivenSpeed, FixedDrive, MountedDrive, MountTruth
 from edge_agent.evaluation.degradation import DEGRADATIONS, Degradation
 from edge_agent.evaluation.estimate import estimated_path
 from edge_agent.evaluation.score_card import ScoreCard, TrialScore, failed_trial, score_card
 from edge_agent.evaluation.scorers import SCORERS
 from edge_agent.evaluation.truth import Truth
+from edge_agent.evaluation.vehicle_score import Drive, follow_drive, score_drive
 from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.mounts.methods import MethodName, MountName, default_method, make_mount
-from edge_agent.sources.recording import SourceError
+from edge_agent.mounts.vehicle import VehicleMount
+from edge_agent.mounts.vehicle_published import PublishedVehicleMount
+from edge_agent.sources.recording import Recording, SourceError
 from edge_agent.sources.trials import Trial, TrialData, find_trials
 from shared.maths.statistics import Summary
 from shared.process import ExitCode
@@ -87,8 +92,9 @@ def evaluate(
 
     A boot's errors are taken at the instants of the true stances, after one rigid alignment in the
     plane. A recording without truth that ends where it began is scored by its closure. Of the
-    other mounts the published method is scored beside the default. A trial that fails is listed
-    and counted. Examples: edge-agent evaluate simulated:course --json;
+    other mounts the published method is scored beside the default. A vehicle's drive is scored as
+    recorded and with its phone lying and slipping in fifty ways; its first speed is told. A trial
+    that fails is listed and counted. Examples: edge-agent evaluate simulated:course --json;
     edge-agent evaluate --mount chest ../shared/data/phone_waypoints
 
     Exits with 2 if there is nothing to score, with 1 if a file cannot be used or a trial could not
@@ -228,6 +234,8 @@ def _score_each_way(trial: Trial, setup: _Setup) -> _Outcome:
 def _score_data(
     trial: Trial, data: TrialData, setup: _Setup, plot: Path | None
 ) -> tuple[TrialScore, ExitCode]:
+    if isinstance(data.truth, MountedDrive):
+        return _score_drive(trial, data.samples, data.truth, setup)
     try:
         increments, elapsed_s = _follow(data, setup)
         row = setup.score(trial, increments, data.truth)
@@ -241,6 +249,37 @@ def _score_data(
         draw_trial(estimated_path(increments), data.truth, title, file)
     samples_per_s = len(data.samples) / elapsed_s
     return msgspec.structs.replace(row, samples_per_s=samples_per_s), ExitCode.OK
+
+
+def _score_drive(
+    trial: Trial, samples: Recording, truth: MountedDrive, setup: _Setup
+) -> tuple[TrialScore, ExitCode]:
+    try:
+        began_s = process_time()
+        drive = _drive(setup.method, samples, truth.fixed.speed)
+        samples_per_s = len(samples) / (process_time() - began_s)
+        fixed = _fixed_drive(setup.method, truth.fixed) if truth.slips else None
+        row = score_drive(trial.name, trial.group, drive, fixed, truth)
+    except Exception as error:  # a trial that breaks the mount is a row of the card as well
+        _log.exception("the mount or its score failed", trial=trial.name)
+        failure = f"{type(error).__name__}: {error}"
+        return failed_trial(trial.name, trial.group, truth, failure), ExitCode.FAILURE
+    if setup.plot is not None:
+        file = setup.plot / f"{row.set}_{row.name}_{setup.method}.png".replace("/", "_")
+        draw_drive(drive, fixed, truth, f"{row.set} {row.name} ({setup.title})", file)
+    return msgspec.structs.replace(row, samples_per_s=samples_per_s), ExitCode.OK
+
+
+@lru_cache(maxsize=4)
+def _fixed_drive(method: MethodName, fixed: FixedDrive) -> Drive:
+    """Return what ``method`` makes of the phone as it was fixed."""
+    return _drive(method, fixed.samples, fixed.speed)
+
+
+def _drive(method: MethodName, samples: Recording, speed: DrivenSpeed) -> Drive:
+    mount = make_mount("vehicle", method)
+    assert isinstance(mount, VehicleMount | PublishedVehicleMount)  # noqa: S101
+    return follow_drive(mount, samples, speed)
 
 
 def _follow(data: TrialData, setup: _Setup) -> tuple[list[Increment], float]:

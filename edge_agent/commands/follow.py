@@ -70,6 +70,7 @@ def run(
     stands_at: str | None = None,
     stands_at_sd: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e3))] = 1.0,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
+    driven_speed: Annotated[float | None, Parameter(validator=validators.Number(lte=75.0))] = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     imu: bool = True,
@@ -114,6 +115,9 @@ def run(
         How near it, in metres (standard deviation in each direction).
     speed
         How many times as fast as it was recorded.
+    driven_speed
+        How fast the vehicle goes at the first sample (m/s), where that is known: by the satellites
+        in front of the car park, for one. A start from rest is seen; any other speed is sought.
     seed
         Of a simulated source.
     dominant_direction
@@ -137,7 +141,9 @@ def run(
         bundle = open_keys(keys, Identity("responder", responder_id), insecure=insecure)
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
-            follower = prepared_mount(mount, method, dominant_direction=dominant_direction)
+            follower = prepared_mount(
+                mount, method, dominant_direction=dominant_direction, driven_speed_m_s=driven_speed
+            )
         opened = open_source(source, responder_id, seed, mount, bundle)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         dialled = connect or (local_endpoint(bundle),)

@@ -10,7 +10,12 @@ from cyclopts import Parameter
 
 from edge_agent.mounts.interface import Mount
 from edge_agent.mounts.methods import MethodName, MountName, default_method, is_built, make_mount
+from edge_agent.mounts.vehicle import VehicleMount
+from edge_agent.mounts.vehicle_published import PublishedVehicleMount
 from shared.process import ExitCode, end_with_parent, ended_by_signals
+
+DRIVEN_SPEED_SD_M_S = 0.3
+"""Of a speed told at the start: a satellite receiver's, or a speedometer's."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -41,17 +46,26 @@ def prepare(
 
 
 def prepared_mount(
-    mount: MountName, method: MethodName | None, *, dominant_direction: bool = False
+    mount: MountName,
+    method: MethodName | None,
+    *,
+    dominant_direction: bool = False,
+    driven_speed_m_s: float | None = None,
 ) -> Mount:
     """Return a new mount, whose first sample will wait for nothing; say what takes time.
 
-    Raises ``ValueError`` where ``mount`` has no such method, or that no ``dominant_direction``.
+    ``driven_speed_m_s`` is how fast a vehicle goes at the first sample. Raises ``ValueError`` where
+    ``mount`` has no such method, or that no ``dominant_direction``, or is no vehicle.
     """
     method = method or default_method(mount)
     if not is_built(mount, method):
         _log.info("building machine code, once: some thirty seconds", method=method)
     began_s = perf_counter()
     made = make_mount(mount, method, dominant_direction=dominant_direction)
+    if driven_speed_m_s is not None:
+        if not isinstance(made, VehicleMount | PublishedVehicleMount):
+            raise ValueError(f"--driven-speed: only of a vehicle, not of a {mount}")
+        made.know_speed(driven_speed_m_s, DRIVEN_SPEED_SD_M_S)
     seconds = round(perf_counter() - began_s, 2)
     _log.info(f"{mount} method ready", method=method, seconds=seconds)
     return made

@@ -39,6 +39,11 @@ _HEADINGS = {
     "steps_error_pct": "steps %",
     "steps_off": "steps off",
     "steps_exact_pct": "exact %",
+    "speed_rmse_m_s": "speed m/s",
+    "speed_live_rmse_m_s": "speed live m/s",
+    "realignment_s": "re-aligned s",
+    "acceleration_rmse_m_s2": "acceleration m/s²",
+    "acceleration_correlation": "correlation",
     "samples_per_s": "samples/s",
 }
 
@@ -97,7 +102,12 @@ def _trials(card: ScoreCard, told: list[str], title: str) -> Table:
     table = Table(title=f"Trials ({title})", title_justify="left")
     table.add_column("set", no_wrap=True)
     table.add_column("trial", no_wrap=True)
-    fields = {"strides": "n_strides", "steps": "steps_true", "found": "steps_found"}
+    fields = {
+        "strides": "n_strides",
+        "steps": "steps_true",
+        "found": "steps_found",
+        "slips": "slips",
+    }
     counts = {heading: field for heading, field in fields.items() if _any(card, field)}
     for heading in (*counts, "length m", "m/s", *(_HEADINGS[metric] for metric in told)):
         table.add_column(heading, justify="right")

@@ -15,30 +15,17 @@ from edge_agent.whereabouts import Cue, Overheard, Whereabouts
 from shared.bus.wire_log import WireLogBus
 from shared.clock import ManualClock
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
-from shared.messages import Activity, Message, NodeId, OdometryIncrement, TrackStart, Truth, Vector3
+from shared.messages import Message, NodeId, OdometryIncrement, TrackStart, Truth, Vector3
 from shared.sender import Sender
+from shared.simulation.gaits import ACTIVITIES
 from shared.simulation.odometry import Stride, UnitStart, as_increment, simulate_odometry
 from shared.simulation.odometry_errors import UnitFault
-from shared.simulation.scenario import Gait, Scenario
+from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 from shared.topics import TOPICS
 from shared.units import NS_PER_S
 
 METHOD = "strides"
-
-ACTIVITIES: dict[Gait, Activity] = {
-    "stand": "stand",
-    "walk": "walk",
-    "fast_walk": "fast",
-    "side_left": "side_step",
-    "side_right": "side_step",
-    "crawl": "crawl",
-    "stairs_up": "stairs_up",
-    "stairs_down": "stairs_down",
-    "ladder": "ladder",
-    "lift": "lift",
-}
-
 
 _Told: TypeAlias = UnitStart | Stride | Vector3
 """What goes out as it is; a vector is the truth."""

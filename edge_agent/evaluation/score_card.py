@@ -22,6 +22,8 @@ METRICS = (
     "coverage95_pct", "coverage95_whole_path_pct", "vertical_rmse_m", "vertical_end_error_m",
     "vertical_increment_rmse_m", "vertical_coverage95_pct", "floor_rmse_m",
     "closure_2d_m", "closure_3d_m", "worst_m", "steps_error_pct", "steps_off", "steps_exact_pct",
+    "speed_rmse_m_s", "speed_live_rmse_m_s", "realignment_s", "acceleration_rmse_m_s2",
+    "acceleration_correlation",
     "samples_per_s",
 )  # fmt: skip
 """The fields of ``TrialScore`` that a set sums up."""
@@ -49,6 +51,7 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     ``steps_true`` were counted, ``steps_found`` told, ``steps_off`` more than counted;
     ``steps_exact_pct`` is 100 or 0, so that its mean is the share of trials told exactly.
     ``worst_m`` is how far the way ever was from the truth, laid on it where it began.
+    Of a vehicle's speed, re-alignment and acceleration see ``evaluation/vehicle_score.py``.
     ``samples_per_s`` is what the mount alone took in per second of one processor's time.
     ``failure`` says why there is no score; the trial still counts.
     """
@@ -83,6 +86,12 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     steps_off: float | None = None
     steps_exact_pct: float | None = None
     worst_m: float | None = None
+    slips: int | None = None
+    speed_rmse_m_s: float | None = None
+    speed_live_rmse_m_s: float | None = None
+    realignment_s: float | None = None
+    acceleration_rmse_m_s2: float | None = None
+    acceleration_correlation: float | None = None
     failure: str | None = None
 
 

@@ -55,13 +55,12 @@ class ChestMount:
         self._next_tick_ns = 0
         self._told_ns: int | None = None
         self._told_heading_rad = 0.0
-        self._gap_s = 0.0
         self._done: deque[Increment] = deque()
 
     @property
     def ready(self) -> bool:
-        """Whether it is known which way is up."""
-        return self._heading.settled
+        """Whether it is known which way is up; without a gyroscope nobody asks."""
+        return self._heading.settled or (self._last is not None and not has_gyro(self._last))
 
     @property
     def heading_rad(self) -> float:
@@ -123,9 +122,7 @@ class ChestMount:
         self._headings.clear()
         self._next_tick_ns = sample.time_ns
         if self._told_ns is not None:
-            self._gap_s += lost_s
-            variance_rad2 = self._turn_variance(lost_s)
-            covariance = lost_covariance(lost_s, variance_rad2)
+            covariance = lost_covariance(lost_s, self._turn_variance(lost_s, lost_s))
             start_ns = sample.time_ns - round(lost_s * NS_PER_S)
             self._done.append(
                 Increment(
@@ -133,12 +130,16 @@ class ChestMount:
                     covariance, (), steps=0,
                 )
             )  # fmt: skip
-            self._told_ns, self._gap_s = sample.time_ns, 0.0
+            self._told_ns = sample.time_ns
 
     def _tell(self, bounce: Bounce) -> None:
+        """Tell a step; nothing before what was told last."""
+        if self._told_ns is not None:
+            bounce = bounce._replace(start_time_ns=max(bounce.start_time_ns, self._told_ns))
         length_m = bounce_length_m(bounce.mean_m_s2)
         if not self._heading.settled:
             self._done.append(step_anywhere(bounce, length_m))
+            self._told_ns = bounce.end_time_ns
             return
         self._heading.set_out()
         heading_rad = self._mean_heading_rad(bounce)
@@ -152,9 +153,9 @@ class ChestMount:
         self._done.append(step_ahead(bounce, length_m, direction))
         self._told_ns, self._told_heading_rad = bounce.end_time_ns, heading_rad
 
-    def _turn_variance(self, elapsed_s: float) -> float:
+    def _turn_variance(self, elapsed_s: float, gap_s: float = 0.0) -> float:
         drifted_rad2 = (self._heading.bias_sd_rad_s * elapsed_s) ** 2
-        return drifted_rad2 + heading_variance(elapsed_s, self._gap_s, bias_known=True)
+        return drifted_rad2 + heading_variance(elapsed_s, gap_s, bias_known=True)
 
     def _mean_heading_rad(self, bounce: Bounce) -> float:
         """Return the mean heading over a step, in which the trunk turns to and fro."""

@@ -20,6 +20,7 @@ from edge_agent.sources.simulated_wear import (
     simulate_worn,
     truth_of_trunk,
 )
+from edge_agent.sources.vehicle_trials import Lying, lyings_of, mounted_drive
 from edge_agent.sources.vendor_csv import read_vendor_csv
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.simulation.walker import simulate_walk
@@ -70,14 +71,34 @@ def find_trials(where: str, seed: int, mount: MountName = "boot") -> list[Trial]
             f"{where}: no such file; give a recording, a folder, or {SIMULATED}course"
         )
     files = sorted(path.rglob("*")) if path.is_dir() else [path]
-    trials = [
-        Trial(file.stem, file.resolve().parent.name, partial(reader, file))
-        for file in files
-        if (reader := _reader(file, mount)) is not None
-    ]
+    if mount == "vehicle":
+        trials = [one for file in files if file.suffix.lower() == ".npz" for one in _drives(file)]
+    else:
+        trials = [
+            Trial(file.stem, file.resolve().parent.name, partial(reader, file))
+            for file in files
+            if (reader := _reader(file, mount)) is not None
+        ]
     if not trials:
         raise SourceError(f"{where}: no .npz and no .csv recording there; give one")
     return trials
+
+
+def _drives(path: Path) -> list[Trial]:
+    """Return the trials of one drive: as the phone was fixed, and as chance has it lie and slip."""
+    group = path.resolve().parent.name
+    try:
+        lyings = lyings_of(path)
+    except SourceError:
+        return [Trial(path.stem, group, partial(_read_npz, path, needs_gyro=True))]
+    return [
+        Trial(one.name, f"{group}/{one.lie or 'fixed'}", partial(_mount_drive, path, one))
+        for one in lyings
+    ]
+
+
+def _mount_drive(path: Path, lying: Lying) -> TrialData:
+    return TrialData(*mounted_drive(path, lying))
 
 
 def _reader(path: Path, mount: MountName) -> Callable[[Path], TrialData] | None:

@@ -21,6 +21,7 @@ Wanted: TypeAlias = Callable[[str, int], bool]
 """Says of a key and a number of bytes whether such a message is to be heard at all."""
 
 AliveHandler: TypeAlias = Callable[[str, bool], None]
+LinkHandler: TypeAlias = Callable[[], None]
 Answerer: TypeAlias = Callable[[bytes], bytes | None]
 """Makes an answer of a request, which is empty where the key says all."""
 
@@ -60,6 +61,9 @@ class Bus(Protocol):
 
     def watch_alive(self, key_expression: str, handler: AliveHandler) -> None:
         """Call ``handler(key, alive)`` for tokens held now, and as they come and go."""
+
+    def on_link(self, handler: LinkHandler) -> None:
+        """Call ``handler`` whenever a link has come that was not there: now one is heard."""
 
     def close(self) -> None:
         """Undeclare everything and close. Closing twice is harmless."""

@@ -11,6 +11,7 @@ from shared.bus.interface import (
     Answerer,
     BusClosedError,
     Handler,
+    LinkHandler,
     Received,
     Wanted,
 )
@@ -128,6 +129,9 @@ class MemoryBus:
         for key in sorted(alive):
             if matches(key_expression, key):
                 guarded(key, True)
+
+    def on_link(self, handler: LinkHandler) -> None:
+        """Call nobody: the link is there from the first to the last."""
 
     def close(self) -> None:
         """Undeclare everything; those who watch see the tokens go. Closing twice is harmless."""

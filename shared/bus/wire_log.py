@@ -21,6 +21,7 @@ from shared.bus.interface import (
     Answerer,
     BusClosedError,
     Handler,
+    LinkHandler,
     Received,
     Wanted,
 )
@@ -91,6 +92,9 @@ class WireLogBus:
 
     def ask_no_more(self) -> None:
         """Nobody was asked."""
+
+    def on_link(self, handler: LinkHandler) -> None:
+        """No link ever comes: ``handler`` is never called."""
 
     def declare_alive(self, key: str) -> None:
         """Nobody watches."""

@@ -23,11 +23,12 @@ from shared.bus.interface import (
     Answerer,
     BusClosedError,
     Handler,
+    LinkHandler,
     Received,
     Wanted,
 )
 from shared.bus.key_expression import check_key, check_key_expression
-from shared.bus.zenoh_dialling import configuration, first_to_answer
+from shared.bus.zenoh_links import LinkKeeper, configuration, has_link, leave
 from shared.bus.zenoh_settings import (
     Mode,
     check_dialled,
@@ -39,7 +40,6 @@ from shared.topics import Priority
 
 log = structlog.stdlib.get_logger(__name__)
 
-WATCH_S = 0.05
 CLOSE_S = 1.0
 LOCATORS_S = 2.0
 
@@ -64,8 +64,8 @@ def open_zenoh(
 
     Endpoints read ``tls/HOST:PORT``, and without a ``bundle`` of keys ``tcp/HOST:PORT``; port 0
     listens on a free one, which ``locators`` tells. A router dials until it is answered, a client
-    keeps to one of its routers and changes when that one is gone: anything may start first, and
-    end and come back.
+    keeps to one of its routers, with a link to another in reserve, and changes when that one is
+    gone: anything may start first, and end and come back.
 
     Raises ``ValueError`` for an endpoint that is malformed, or that leaves this machine without a
     ``bundle``, and for a bundle that cannot listen. Raises ``OSError`` where listening fails.
@@ -101,7 +101,6 @@ class ZenohBus:
     ) -> None:
         settings = session_settings(mode, connect, listen, bundle)
         self._settings = settings
-        self._connect = list(connect)
         self._guard = HandlerGuard()
         self._lock = threading.RLock()
         self._closing = threading.Event()
@@ -109,11 +108,18 @@ class ZenohBus:
         self._session: zenoh.Session | None = None
         self._declarations: list[Callable[[zenoh.Session], _Undeclarable]] = []
         self._declared: list[_Undeclarable] = []
+        self._on_link: list[LinkHandler] = []
         self._publishers: dict[tuple[str, Priority], zenoh.Publisher] = {}
         self._unsent = 0
         # No daemon: the threads Zenoh makes for callbacks take after the one that declares them,
         # and a daemon still inside Zenoh when the interpreter ends aborts the process.
-        self._keeper = threading.Thread(target=self._keep_linked, name="zenoh-keep", daemon=False)
+        keeper = LinkKeeper(
+            settings, connect,
+            is_linked=self.connected, adopt=self._adopt, has_linked=self._tell_linked,
+        )  # fmt: skip
+        self._keeper = threading.Thread(
+            target=keeper.run, args=(self._closing,), name="zenoh-keep", daemon=False
+        )
         if mode == "client":
             self._keeper.start()
         else:
@@ -131,11 +137,7 @@ class ZenohBus:
 
     def connected(self) -> bool:
         """Return whether a link to another node is up at this moment."""
-        session = self._session
-        try:
-            return session is not None and bool(session.info.links())
-        except zenoh.ZError:
-            return False
+        return has_link(self._session)
 
     def locators(self) -> tuple[str, ...]:
         """Return the endpoints a router listens on, with the ports it was really given."""
@@ -244,6 +246,10 @@ class ZenohBus:
             )
         )
 
+    def on_link(self, handler: LinkHandler) -> None:
+        """Call ``handler`` whenever a client has found a router, the same again or another."""
+        self._on_link.append(self._guard.wrap(handler, "who waits for a link"))
+
     def close(self) -> None:
         """Undeclare everything and close, within 2 s. Closing twice is harmless."""
         with self._lock:
@@ -251,36 +257,15 @@ class ZenohBus:
                 return
             self._closing.set()
             former = self._take_out()
-        former.leave()
+        former.end()
+        if self._keeper.is_alive():
+            self._keeper.join(CLOSE_S)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _keep_linked(self) -> None:
-        """Open a session with the router that answers first; when its link is gone, another.
-
-        Zenoh redials the router of a session by itself, and a half-open link lets it wait: so the
-        others are dialled meanwhile, those that come after it in the list first.
-        """
-        others = self._connect
-        while not self._closing.is_set():
-            if self.connected():
-                self._closing.wait(WATCH_S)
-                continue
-            if self._session is not None:
-                log.info("the link is gone", dialling=others)
-            answered = first_to_answer(self._settings, others, self._is_served)
-            if answered is not None:
-                turn = self._connect.index(answered.endpoint)
-                others = [*self._connect[turn + 1 :], *self._connect[:turn]]
-                if not self._adopt(answered.session):
-                    answered.session.close()  # type: ignore[no-untyped-call]
-
-    def _is_served(self) -> bool:
-        return self._closing.is_set() or self.connected()
 
     def _adopt(self, session: zenoh.Session) -> bool:
         """Declare in ``session`` what has been asked for, and use it; not if closed meanwhile.
@@ -297,8 +282,14 @@ class ZenohBus:
                 self._asking.cancel()  # type: ignore[no-untyped-call]
                 self._asking = zenoh.CancellationToken()
         log.info("session open", zid=str(session.zid()))
-        former.leave()
+        former.undeclare()
+        if former.session is not None:
+            leave(former.session)
         return True
+
+    def _tell_linked(self) -> None:
+        for handler in self._on_link:
+            handler()
 
     def _declare(self, declare: Callable[[zenoh.Session], _Undeclarable]) -> None:
         with self._lock:
@@ -338,23 +329,26 @@ class _Former(NamedTuple):
     session: zenoh.Session | None
     declared: list[_Undeclarable]
 
-    def leave(self) -> None:
+    def end(self) -> None:
         """Undeclare everything and close, within ``CLOSE_S``.
 
         A half-open link with full buffers would hold Zenoh's close for 10 s: such a link is left
         to itself, and to the lease at its other end.
         """
-        closer = threading.Thread(target=self._end, name="zenoh-close", daemon=True)
+        closer = threading.Thread(target=self._close, name="zenoh-close", daemon=True)
         closer.start()
         closer.join(CLOSE_S)
         if closer.is_alive():
             log.warning("a link does not take our goodbye and is left to itself")
 
-    def _end(self) -> None:
-        """Undeclare first: a callback still declared when the program ends would hang it."""
+    def undeclare(self) -> None:
+        """Let nobody be called any more; a callback would hold up the end of the program."""
         for declared in self.declared:
             with suppress(zenoh.ZError):
                 declared.undeclare()
+
+    def _close(self) -> None:
+        self.undeclare()
         if self.session is not None:
             with suppress(zenoh.ZError):
                 self.session.close()  # type: ignore[no-untyped-call]

@@ -9,9 +9,24 @@ from __future__ import annotations
 import math
 from typing import Generic, NamedTuple, TypeVar
 
+from shared.messages import Activity
 from shared.simulation.scenario import Gait
 
 Value = TypeVar("Value")
+
+ACTIVITIES: dict[Gait, Activity] = {
+    "stand": "stand",
+    "walk": "walk",
+    "fast_walk": "fast",
+    "side_left": "side_step",
+    "side_right": "side_step",
+    "crawl": "crawl",
+    "stairs_up": "stairs_up",
+    "stairs_down": "stairs_down",
+    "ladder": "ladder",
+    "lift": "lift",
+}
+"""What a unit that knows for sure calls each gait."""
 
 
 class StrideShape(NamedTuple, Generic[Value]):

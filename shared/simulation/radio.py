@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 from shared.messages import NodeId
 from shared.simulation.chance import generator
 from shared.simulation.installation import installation_truth, is_set_down
-from shared.simulation.propagation import (
-    draw_surroundings,
-    probability_heard,
-    received_power_dbm,
-)
+from shared.simulation.link import Link
+from shared.simulation.propagation import probability_heard
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 
@@ -32,15 +29,10 @@ class RadioChannel:
     """
 
     def __init__(self, scenario: Scenario, dap_id: NodeId, responder_id: NodeId, seed: int) -> None:
-        radio = scenario.radio
-        self._radio = radio
-        self._plan = scenario.building
+        self._radio = scenario.radio
         self._body = simulate_walk(scenario, responder_id, seed).body
         self._installed_s, self.dap_m, _ = installation_truth(scenario, dap_id, seed)
-        self._around = draw_surroundings(radio, generator(seed, "surroundings", dap_id))
-        worn = generator(seed, "radio of responder", responder_id).normal()
-        laid = generator(seed, "radio of DAP", dap_id).normal()
-        self._offset_db = radio.responder_offset_sd_db * worn + radio.dap_offset_sd_db * laid
+        self._link = Link(scenario, dap_id, responder_id, seed, self.dap_m)
         self._scans = (seed, "scans", dap_id)
         self._noise = (seed, "readings", dap_id, responder_id)
 
@@ -51,9 +43,7 @@ class RadioChannel:
 
     def power_dbm(self, body_m: Array, heading_rad: Array) -> Array:
         """Return the power (n,) at the DAP of the responder at ``body_m`` (n, 3), noise apart."""
-        return self._offset_db + received_power_dbm(
-            self._radio, self._plan, self._around, self.dap_m, body_m, heading_rad
-        )
+        return self._link.power_dbm(body_m, heading_rad)
 
     def scan_times_s(self, until_s: float) -> Array:
         """Return when the DAP scans, whoever is there: the same for all its channels."""

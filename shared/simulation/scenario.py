@@ -33,6 +33,7 @@ Gait: TypeAlias = Literal[
     "ladder", "lift",
 ]  # fmt: skip
 LevelGait: TypeAlias = Literal["walk", "fast_walk", "side_left", "side_right", "crawl"]
+SetsDown: TypeAlias = Literal["at_sites", "in_rooms", "spaced", "advised"]
 Seconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e5)]
 Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 Count: TypeAlias = Annotated[int, Meta(ge=1, le=100)]
@@ -161,8 +162,8 @@ class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Chance moves each point of the route by ``route_jitter_m`` (standard deviation), save where
     stairs follow. A route begins and ends standing, for a sensor needs stillness to start from.
     ``carries`` are DAPs that they set down as they come by the plan's sites where none stands yet,
-    or in rooms that they search. ``heading_sd_deg`` is how well their unit knows its heading at
-    first; 180 is not at all.
+    in rooms that they search, after every ``spacing_m`` of their way, or when their unit advises
+    it. ``heading_sd_deg`` is how well their unit knows its heading at first; 180 is not at all.
     """
 
     start_m: Point
@@ -173,7 +174,8 @@ class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     start_s: Seconds = 0.0
     person: str = "average"
     carries: tuple[NodeId, ...] = ()
-    sets_down: Literal["at_sites", "in_rooms"] = "at_sites"
+    sets_down: SetsDown = "at_sites"
+    spacing_m: Annotated[float, Meta(ge=1.0, le=1e3)] = 20.0
     heading_sd_deg: Annotated[float, Meta(ge=0.0, le=180.0)] = 30.0
 
     def __post_init__(self) -> None:

@@ -6,7 +6,7 @@ import heapq
 from collections.abc import Iterator
 from copy import deepcopy
 from functools import lru_cache
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,15 @@ from shared.messages import NodeId
 from shared.simulation.chance import generator
 from shared.simulation.plan import Plan
 from shared.simulation.route import Footfall, Route, plan_route
-from shared.simulation.scenario import Scenario
+from shared.simulation.scenario import Scenario, SetsDown
 from shared.simulation.search import wall_round
+from shared.simulation.set_downs import (
+    ON_THE_WAY,
+    SET_DOWN_S,
+    set_down_on_the_way,
+    stance_times_s,
+    stop_to_set_down,
+)
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -24,7 +31,6 @@ TEAMS_KEPT = 4
 COMES_BY_M = 1.5
 """Who comes so near a site sets a DAP down there."""
 STRIDES_PASSING = 5
-SET_DOWN_S = 4.0
 
 
 class _Visit(NamedTuple):
@@ -50,14 +56,6 @@ def route_of(
     return plan_route(scenario, responder_id, chance), chance
 
 
-def stance_times_s(falls: list[Footfall], start_s: float) -> tuple[Array, Array]:
-    """Return when the boot reaches each footfall and when it leaves (k,), begun at ``start_s``."""
-    dwell_s = np.array([fall.dwell_s for fall in falls])
-    reached_s = start_s + np.cumsum([fall.stride_s for fall in falls])
-    reached_s[1:] += np.cumsum(dwell_s)[:-1]
-    return reached_s, reached_s + dwell_s
-
-
 @lru_cache(maxsize=TEAMS_KEPT)
 def _team_routes(scenario: Scenario, seed: int) -> dict[NodeId, tuple[Route, np.random.Generator]]:
     """Plan everybody's route, then stop them where they set something down."""
@@ -66,6 +64,7 @@ def _team_routes(scenario: Scenario, seed: int) -> dict[NodeId, tuple[Route, np.
         chances[responder_id] = generator(seed, "walk", responder_id)
         routes[responder_id] = plan_route(scenario, responder_id, chances[responder_id])
     _set_down(scenario, routes)
+    set_down_on_the_way(scenario, routes, seed)
     return {name: (route, chances[name]) for name, route in routes.items()}
 
 
@@ -90,17 +89,13 @@ def _set_down(scenario: Scenario, routes: dict[NodeId, Route]) -> None:
             continue
         taken.add(site)
         late_s[name] += SET_DOWN_S
-        falls = routes[name].footfalls
-        fall = falls[visit.footfall]
-        after_s = fall.dwell_s + 0.5 * SET_DOWN_S
-        routes[name].installs[carried[name].pop(0)] = (visit.footfall, after_s)
-        falls[visit.footfall] = fall._replace(dwell_s=fall.dwell_s + SET_DOWN_S)
+        stop_to_set_down(routes[name], carried[name].pop(0), visit.footfall)
 
 
 def _visits(scenario: Scenario, name: NodeId, falls: list[Footfall]) -> Iterator[_Visit]:
     """Yield when ``name`` first comes by each site, at the footfall that is nearest to it then."""
     responder = scenario.responders[name]
-    if not responder.carries:
+    if not responder.carries or responder.sets_down in ON_THE_WAY:
         return
     reached_s, _ = stance_times_s(falls, responder.start_s)
     body_m = np.array([fall.body_m for fall in falls])
@@ -114,7 +109,7 @@ def _visits(scenario: Scenario, name: NodeId, falls: list[Footfall]) -> Iterator
             yield _Visit(time_s, name, nearest, number, time_s)
 
 
-def _sites_m(plan: Plan, sets_down: Literal["at_sites", "in_rooms"]) -> Array:
+def _sites_m(plan: Plan, sets_down: SetsDown) -> Array:
     """Return where DAPs are set down (n, 3: north, east, down): sites, or a corner of each room."""
     if sets_down == "at_sites":
         places = [(site.floor, site.place_m) for site in plan.sites]

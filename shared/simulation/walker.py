@@ -15,8 +15,9 @@ from shared.simulation.foot_path import FootPath, rise_share
 from shared.simulation.gaits import StrideShape
 from shared.simulation.route import Footfall
 from shared.simulation.scenario import Gait, Scenario
+from shared.simulation.set_downs import stance_times_s
 from shared.simulation.sole import Sole
-from shared.simulation.team_routes import route_of, stance_times_s
+from shared.simulation.team_routes import route_of
 from shared.simulation.variation import unrest, varied_shapes
 
 Array: TypeAlias = NDArray[np.float64]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from shared.bus.interface import Received
+from shared.bus.interface import LinkHandler, Received
 from shared.bus.memory import MemoryBus, MemoryNetwork
 from shared.codec import encode
 from shared.collector import Collector
@@ -113,6 +114,21 @@ def test_a_beat_tells_what_the_journal_holds(network: MemoryNetwork, node: Node)
         acknowledged=0, clock=STATEMENT,
     )  # fmt: skip
     assert (second.sequence, second.acknowledged) == (1, 2)
+
+
+def test_it_beats_as_soon_as_it_has_a_link_again(
+    network: MemoryNetwork, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    linked: list[LinkHandler] = []
+    monkeypatch.setattr(MemoryBus, "on_link", lambda _, handler: linked.append(handler))
+    monkeypatch.setattr("shared.heartbeat.PERIOD_S", 600.0)
+    listener = Listener(network)
+    node = Node(network, tmp_path)
+    with node.outbox, node.bus, node.heartbeat:
+        wait_for(lambda: len(listener.came) == 1, "the first beat")
+        for handler in linked:
+            handler()
+        wait_for(lambda: len(listener.came) == 2, "the beat after the link came")
 
 
 def test_who_comes_late_gets_all_of_it_once(network: MemoryNetwork, node: Node) -> None:
@@ -231,6 +247,28 @@ def test_receipts_are_heeded_once_for_the_nodes_own_run(network: MemoryNetwork, 
     assert tell(b"\x80") == 3
     assert tell(receipt(2, run=run)) == 3
     assert tell(receipt(5, run=run)) == 5
+
+
+def test_a_message_that_the_disk_altered_keeps_nothing_else_from_being_safe(
+    network: MemoryNetwork, node: Node, tmp_path: Path
+) -> None:
+    node.say(*range(5))
+    with sqlite3.connect(tmp_path / "r1.journal", isolation_level=None) as other:
+        other.execute("UPDATE message SET payload = zeroblob(9) WHERE number = 3")
+    other.close()
+    listener = Listener(network)
+    node.heartbeat.beat()
+
+    def has_all() -> bool:
+        listener.collector.collect()
+        node.heartbeat.beat()
+        numbers = listener.gate.journal(node.journal)
+        return numbers is not None and numbers.up_to == 5
+
+    wait_for(has_all, "all that there is")
+    assert sorted(listener.numbers()) == [0, 1, 3, 4]
+    assert listener.gate.gone[node.journal] == 1
+    assert listener.gate.missing() == []
 
 
 def test_only_a_post_that_is_known_is_heeded(network: MemoryNetwork, tmp_path: Path) -> None:

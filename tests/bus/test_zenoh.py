@@ -165,11 +165,14 @@ def test_a_client_leaves_a_router_that_falls_silent(
     alive: list[tuple[str, bool]] = []
     post.watch_alive("clew/**", lambda key, is_alive: alive.append((key, is_alive)))
     agent.declare_alive("clew/agent")
+    found: list[bool] = []
+    agent.on_link(lambda: found.append(agent.connected()))
     settle(agent, post)
     for number, relay in enumerate(relays, 1):
+        found.clear()
         relay.stall()
         wait_for(lambda: not agent.connected(), "the dead link to be found")
-        wait_for(agent.connected, "the other router")
+        wait_for(lambda: found == [True], "the other router")
         relay.resume()
         settle(agent, post)
         settle(post, agent)

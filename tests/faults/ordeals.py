@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
@@ -29,6 +30,11 @@ PATIENCE_S = 90.0
 
 STAYS = "stays"
 """A responder within reach: a DAP of a simulated exercise stays for as long as there is one."""
+
+UNHEARD_S = 4.0
+"""For how long a DAP is silent: longer than any lease."""
+
+SHORT = Link(delay_s=0.005)
 
 SETTLED_NS = 5 * NS_PER_S
 """After this long a node has found another way: until then nothing of it is live."""
@@ -90,16 +96,37 @@ def out_of_range(folder: Path, away_s: float) -> Outcome:
             return _ended(site, fleet, since_ns=back_ns + SETTLED_NS)
 
 
-def multi_hop(folder: Path, lasts_s: float, *, killed: bool = True) -> Outcome:
-    """Let DAPs stand in a row that breaks, and another way round be found.
+def multi_hop(folder: Path, lasts_s: float) -> Outcome:
+    """Let DAPs stand in a row that breaks, and another way round be found."""
+    with _row(folder) as (site, fleet, _):
+        fleet.kill("dap1")
+        killed_ns = time.time_ns()
+        let_last(lasts_s)
+        _has_said(site, 10)
+        return _ended(site, fleet, since_ns=killed_ns + SETTLED_NS, without=["dap1"])
 
-    One of them is ``killed``, or all its links fall silent.
-    """
+
+def multi_hop_silent(folder: Path, times: int, seed: int = 1) -> Outcome:
+    """Let now one DAP of two between a third and the post fall silent, now the other."""
+    with _row(folder) as (site, fleet, air):
+        for silent in _in_turn(["dap1", "dap3"], times, seed):
+            for other in ("post", "dap2"):
+                air.cut(silent, other)
+            let_last(UNHEARD_S)
+            for other in ("post", "dap2"):
+                air.link(silent, other, SHORT)
+            wait_for(lambda: is_safe(site.journal(silent)), f"{silent} to be back", PATIENCE_S)  # noqa: B023
+        return _ended(site, fleet, since_ns=0)
+
+
+@contextmanager
+def _row(folder: Path) -> Iterator[tuple[Deployment, Fleet, Air]]:
+    """Two ways from ``dap2``, which ``r1`` dials, to the post."""
     with Air(["post", "dap1", "dap2", "dap3", "r1"]) as air:
         site = Deployment(folder, ["dap1", "dap2", "dap3"], ["r1"], air)
         for one, other in (("dap1", "post"), ("dap2", "dap1"), ("dap2", "dap3"),
                            ("dap3", "post"), ("r1", "dap2")):  # fmt: skip
-            air.link(one, other, Link(delay_s=0.005))
+            air.link(one, other, SHORT)
         programs = [
             site.post(), site.dap("dap1", "post"), site.dap("dap3", "post"),
             site.dap("dap2", "dap1", "dap3"), site.agent("r1", "dap2"),
@@ -107,37 +134,37 @@ def multi_hop(folder: Path, lasts_s: float, *, killed: bool = True) -> Outcome:
         with Fleet(folder / "logs", programs, air) as fleet:
             fleet.start()
             _has_said(site, 3)
-            if killed:
-                fleet.kill("dap1")
-            else:
-                air.cut("dap1", "post")
-                air.cut("dap2", "dap1")
-            broken_ns = time.time_ns()
-            let_last(lasts_s)
-            _has_said(site, 10)
-            return _ended(site, fleet, since_ns=broken_ns + SETTLED_NS, without=["dap1"])
+            yield site, fleet, air
 
 
-def half_open(folder: Path, *, stalled: str = "dap1", delay_s: float = 0.005) -> Outcome:
+def half_open(folder: Path, times: int, delay_s: float = 0.005, seed: int = 1) -> Outcome:
     """Take the DAP that an agent is linked to out of reach, with nothing said, and let it live.
 
-    The agent dials ``dap1`` first; ``stalled`` is the one it has a link to. The link to the other
-    takes ``delay_s`` each way.
+    It is now the first and now the second that the agent dials. Its links take ``delay_s`` each
+    way.
     """
-    other_dap = "dap2" if stalled == "dap1" else "dap1"
-    with Air(["post", "dap1", "dap2", "r1", STAYS]) as air:
-        site = Deployment(folder, ["dap1", "dap2"], ["r1", STAYS], air)
-        for one, other in (("dap1", "post"), ("dap2", "post"), ("r1", stalled), (STAYS, other_dap)):
-            air.link(one, other, Link(delay_s=0.005))
+    with Air(["post", "dap1", "dap2", "r1"]) as air:
+        site = Deployment(folder, ["dap1", "dap2"], ["r1"], air)
+        for dap in site.daps:
+            air.link(dap, "post", SHORT)
+            air.link("r1", dap, Link(delay_s=delay_s))
         with Fleet(folder / "logs", programs_of(site), air) as fleet:
             fleet.start()
             _has_said(site, 3)
             wait_for(lambda: is_safe(site.journal("r1")), "a receipt", PATIENCE_S)
-            air.link("r1", other_dap, Link(delay_s=delay_s))
-            air.cut("r1", stalled)
-            cut_ns = time.time_ns()
-            _has_said(site, 10)
-            return _ended(site, fleet, since_ns=cut_ns + SETTLED_NS)
+            for silent in _in_turn(site.daps, times, seed):
+                air.cut("r1", silent)
+                let_last(UNHEARD_S)
+                air.link("r1", silent, Link(delay_s=delay_s))
+            return _ended(site, fleet, since_ns=0)
+
+
+def _in_turn(names: Sequence[str], times: int, seed: int) -> Iterator[str]:
+    """Give one name after the other, each after some time in which all is well."""
+    chance = random.Random(seed)  # noqa: S311
+    for number in range(times):
+        let_last(chance.uniform(7.0, 8.0))
+        yield names[number % len(names)]
 
 
 def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: float) -> Outcome:

@@ -4,7 +4,9 @@
 say ``speed`` strides a second each through it, journalled and acknowledged, and a third agent, a
 whole one, that comes and goes over and over. That lasts ``hours / speed`` real hours. It prints
 JSON, an object a line: what each process holds over time, and at the end by how much that grew from
-the first quarter to the last. The post keeps every stride, so that its memory grows with those.
+the first quarter to the last. Descriptors and threads must not grow at all. The post keeps every
+stride, so that its memory grows with those: by how much for each hour that a responder walks, a
+stride a second, is told as well.
 """
 
 from __future__ import annotations
@@ -108,7 +110,7 @@ class Nodes:
 
 
 def soak(folder: Path, hours: float, speed: float) -> bool:
-    """Run the nodes and print what they hold; return whether all ended well."""
+    """Run the nodes and print what they hold; return whether all ended well, and nothing leaked."""
     real_s = hours * 3600.0 / speed
     period_s = max(real_s / SAMPLES, 1.0)
     series: dict[str, list[Held]] = {}
@@ -126,10 +128,14 @@ def soak(folder: Path, hours: float, speed: float) -> bool:
         time.sleep(period_s)
     ended, codes = nodes.ended(), nodes.stop()
     growth = {name: grown(held) for name, held in series.items()}
+    # From the middle of one quarter to that of the other.
+    walked_h = 0.75 * hours * len(WALKING)
+    of_an_hour = {name: round(each["memory_mb"] / walked_h, 3) for name, each in growth.items()}
+    is_flat = not any(each["descriptors"] or each["threads"] for each in growth.values())
     recorded_mb = sum(each.stat().st_size for each in folder.glob("soak.mcap*")) / 1e6
-    said = {"grown": growth, "recorded_mb": recorded_mb, "ended_early": ended}
-    _tell({**said, "exit_codes": codes})
-    return not ended and not any(codes.values())
+    said = {"grown": growth, "mb_a_responder_hour": of_an_hour, "recorded_mb": recorded_mb}
+    _tell({**said, "ended_early": ended, "exit_codes": codes})
+    return is_flat and not ended and not any(codes.values())
 
 
 def grown(series: list[Held]) -> dict[str, float]:

@@ -40,12 +40,13 @@ WIRE_FIELDS = {
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
     "heading_sd_rad last_proximity_time_ns down_sd_m regions_m floors status reason",
     "dap_place": "event_time_ns sequence dap_id position",
-    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock",
+    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock lost",
     "receipt": "event_time_ns sequence safe",
     "order": "event_time_ns sequence kind to text said_ns",
     "order_request": "event_time_ns sequence kind to text",
     "alert": "event_time_ns sequence number kind role node_id since_ns stage words by assigned_to",
     "alert_request": "event_time_ns sequence number stage assigned_to",
+    "outside": "event_time_ns sequence kind uid callsign words position",
     "stranger": "event_time_ns sequence role node_id words",
     "order_answer": "event_time_ns sequence commander_id request_sequence refusal waited_for",
     "order_reply": "event_time_ns sequence post_id order_sequence stage",
@@ -56,7 +57,7 @@ WIRE_FIELDS = {
 
 ADDED_SINCE = {
     "activity", "activity_confidence", "facing_sd_rad", "pressure_pa", "pressure_rows",
-    "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns",
+    "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns", "lost",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 

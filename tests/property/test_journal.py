@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from shared.journal import KEPT_NS, Journal
-from shared.kept import Row, within_bytes
+from shared.kept import Holding, Row, within_bytes
 
 NUMBERS = st.integers(min_value=-2, max_value=30)
 
@@ -78,7 +78,8 @@ class JournalBesideAList(RuleBasedStateMachine):
     @invariant()
     def holds_the_same(self) -> None:
         kept_from = min(self.rows, default=self.last + 1)
-        assert self.journal.holding() == (self.run, self.last, kept_from, self.acknowledged)
+        holding = Holding(self.run, self.last, kept_from, self.acknowledged)
+        assert self.journal.holding() == holding
 
 
 TestJournalBesideAList = JournalBesideAList.TestCase

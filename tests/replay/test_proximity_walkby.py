@@ -12,14 +12,17 @@ import msgspec
 import numpy as np
 import pytest
 
+from dap_node.comparison import compare
 from dap_node.evaluation import LinkTrial, score
+from dap_node.measured import calibrated, of_walk
 from dap_node.peak_score import score_peaks
 from dap_node.proximity import ProximitySettings
+from dap_node.radio_survey import survey, together
 from dap_node.settings import DapSettings
 from dap_node.true_range import PASS_M
 from dap_node.walk_by import try_receivers
 from shared.rssi_peaks import PeakSettings
-from shared.walk_by import WalkBy, calibration_db, path_loss, read_walk_by
+from shared.walk_by import WalkBy, calibration_db, read_walk_by
 
 BEACON = DapSettings(
     proximity=ProximitySettings(
@@ -65,6 +68,29 @@ def test_the_louder_the_peak_the_nearer(trials: list[LinkTrial]) -> None:
 
 def test_this_hall_hardly_weakens_a_radio(recordings: list[WalkBy]) -> None:
     """Which is why a peak says less there than in the simulator's buildings."""
-    fit = path_loss(recordings)
-    assert 1.2 < fit.exponent < 1.6
-    assert 5.0 < fit.spread_db < 7.0
+    readings = together([of_walk(f"{n}", one).readings for n, one in enumerate(recordings)])
+    told = survey(readings, np.random.default_rng(0))
+    low, high = told.fit.exponent_interval
+    assert 1.2 < low < high < 1.6
+    assert 5.0 < told.fit.sigma_db < 7.0
+    assert abs(told.variance_correlation) < 0.15
+
+
+def test_the_likelihood_tells_as_many_passes_from_nearer_by(recordings: list[WalkBy]) -> None:
+    """Thresholds chosen on four recordings hold on the fifth; five is few all the same."""
+    links = calibrated([of_walk(f"{n}", one) for n, one in enumerate(recordings)], 0.0)
+    near_m = BEACON.proximity.range.near_m
+    settings = msgspec.structs.replace(BEACON.proximity, enter_dbm=-49.0, leave_dbm=-52.0)
+    told = compare(links, settings, near_m)
+    pooled = told.left_out[-1]
+    assert pooled.published.passes > 20
+    assert pooled.at_misses.missed <= pooled.published.missed
+    assert pooled.at_misses.range_p95_m < 0.7 * pooled.published.range_p95_m
+    assert pooled.at_misses.false_stays_per_h < 0.3 * pooled.published.false_stays_per_h
+    fewer = [
+        row.at_rate.score.missed <= 0.7 * row.published.score.missed
+        for row in told.rows
+        if row.at_rate is not None and 3 <= row.published.score.missed <= 6
+    ]
+    assert len(fewer) >= 3
+    assert all(fewer)

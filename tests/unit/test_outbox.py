@@ -191,12 +191,12 @@ def test_memory_is_bounded_and_what_is_lost_is_counted() -> None:
 
     for _ in range(5):
         say_bytes(1)
-    assert journal.holding() == (journal.run, 5, 3, 0)
+    assert journal.holding()[:4] == (journal.run, 5, 3, 0)
     assert journal.lost == 2
     assert [row.number for row in journal.rows(1, 9, 2, 100)] == [3, 4]
     journal.acknowledge(3)
     journal.acknowledge(99)
-    assert journal.holding() == (journal.run, 5, 4, 3)
+    assert journal.holding()[:4] == (journal.run, 5, 4, 3)
     say_bytes(100)
     assert journal.holding().kept_from == 6
     assert journal.lost == 4

@@ -15,7 +15,8 @@ from shared.simulation.installation import installation_truth, is_set_down
 from shared.simulation.plan import Plan, Room, load_plan
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.simulation.search import wall_round
-from shared.simulation.team_routes import COMES_BY_M, SET_DOWN_S
+from shared.simulation.set_downs import SET_DOWN_S
+from shared.simulation.team_routes import COMES_BY_M
 from shared.simulation.walker import simulate_walk
 
 SEED = 3

@@ -11,11 +11,13 @@ import pytest
 from structlog.testing import capture_logs
 
 from dap_node.__main__ import app
+from dap_node.measured import read_measured
+from dap_node.radio_survey import fit_path_loss
 from dap_node.settings import DapSettings
 from dap_node.walk_by import try_receivers
 from shared.npz_file import NpzFileError
 from shared.process import ExitCode
-from shared.walk_by import calibration_db, path_loss, read_walk_by
+from shared.walk_by import calibration_db, read_walk_by
 
 RECEIVERS_M = np.array([[0.0, 0.5, 1.0], [20.0, 0.5, 1.0]])
 
@@ -44,8 +46,8 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_power_and_its_fall_are_found_again(path: Path) -> None:
-    fit = path_loss([read_walk_by(path)])
-    assert fit == pytest.approx((-60.0, 2.2, 0.0), abs=1e-5)
+    fit = fit_path_loss(read_measured(path).readings, np.random.default_rng(0))
+    assert fit[:3] == pytest.approx((-60.0, 2.2, 0.0), abs=1e-5)
     assert calibration_db([read_walk_by(path)]) == pytest.approx(20.0)
 
 
@@ -67,6 +69,28 @@ def test_recordings_are_evaluated_at_the_command_line(
     assert told["path_loss"]["exponent"] == pytest.approx(2.2)
     assert told["offset_db"] == pytest.approx(20.0)
     assert (told["peaks"]["passes"], told["peaks"]["noticed"]) == (2, 2)
+    (kind,) = told["kinds"]
+    assert kind["together"]["fit"]["exponent"] == pytest.approx(2.2)
+    assert kind["comparison"]["configured"]["published"]["score"]["passes"] == 2
+    assert told["failed"] == []
+
+
+def test_what_cannot_be_read_is_told_and_the_rest_measured(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (path.parent / "broken.npz").write_bytes(b"PK")
+    (path.parent / "room.csv").write_text("a,b\n")
+    picture = path.parent / "radio.png"
+    command = ["evaluate", str(path.parent), "--plot", str(picture), "--within", "2"]
+    with capture_logs() as logs:
+        code = app(command, exit_on_error=False, result_action="return_value")
+    assert code == ExitCode.FAILURE
+    assert ["broken.npz: not a whole" in log["event"] for log in logs] == [True, False]
+    assert "room.csv: its columns are a, b" in logs[1]["event"]
+    printed = capsys.readouterr().out
+    assert "passes within 2 m" in printed
+    assert "threshold" in printed
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
@@ -97,6 +121,8 @@ def test_what_is_no_walk_is_refused(
         (["four_daps", "corridor"], "give one scenario"),
         (["walk.npz"], "walk.npz: no such file"),
         (["empty"], "empty: no .npz file in it"),
+        (["corridor", "--plot", "radio.png"], "--plot draws recordings"),
+        (["empty/room.csv"], "room.csv: no such file"),
     ],
 )
 def test_what_cannot_be_evaluated_is_told(

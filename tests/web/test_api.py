@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 from starlette.testclient import TestClient
@@ -12,15 +13,17 @@ from command_post.web.app import MOST_BODY_BYTES, Site, make_app
 from command_post.web.page import Page
 from command_post.web.people import Door, Person, Role, hashed
 from shared.codec import decode, parse_key
+from shared.geodesy import Origin
 from shared.messages import AlertRequest, Message, OrderRequest, PositionFix
 from shared.topics import Key
+from tests.web.test_board import track
 
 EVACUATE = {"kind": "evacuate", "to": [], "text": "north door"}
 
 
-def client_of(page: Page, door: Door | None = None) -> TestClient:
+def client_of(page: Page, door: Door | None = None, origin: Origin | None = None) -> TestClient:
     hosts = frozenset({"testserver"})
-    site = Site("fire", "post", page, door, secure=False, hosts=hosts)
+    site = Site("fire", "post", page, door, secure=False, hosts=hosts, origin=origin)
     return TestClient(make_app(site, lambda: True))
 
 
@@ -150,3 +153,24 @@ def test_who_signs_in_may_do_what_their_role_may(
         assert {key.node_id for key, _ in asked(page)} <= {"kim"}
         assert client.post("/api/v1/sign-out", json={}).status_code == 200
         assert client.get("/api/v1/state").status_code == 401
+
+
+def test_there_is_a_map_for_others_once_it_is_known_where_on_the_earth_it_is(page: Page) -> None:
+    with client_of(page) as client:
+        assert client.get("/api/v1/features.geojson").status_code == 404
+    page.published("clew/v1/fire/post/post/track", track(1.0, 0.0))
+    page.published("clew/v1/fire/post/post/track", track(2.0, 10.0))
+    with client_of(page, origin=Origin(latitude_deg=37.5, longitude_deg=127.0)) as client:
+        answer = client.get("/api/v1/features.geojson")
+    assert answer.headers["content-type"] == "application/geo+json"
+    point, region, way = answer.json()["features"]
+    longitude, latitude, _ = point["geometry"]["coordinates"]
+    assert (point["properties"]["kind"], point["properties"]["id"]) == ("responder", "r1")
+    assert latitude == pytest.approx(37.5 + 10.0 / 110_995.0, abs=1e-7)
+    assert longitude == pytest.approx(127.0)
+    ((ring,),) = region["geometry"]["coordinates"]
+    assert ring[0] == ring[-1]
+    area = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(ring))
+    assert area > 0.0, "an outer ring is anticlockwise"
+    assert max(corner[1] for corner in ring) > latitude
+    assert len(way["geometry"]["coordinates"]) == 2

@@ -1,0 +1,216 @@
+"""The post as a TAK client: its own thread, over PyTAK, for as long as it takes the server to come.
+
+Whatever becomes of the server, the post does not wait: the newest is told once there is a link.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+import warnings
+from collections.abc import Iterator
+from configparser import ConfigParser
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+import structlog
+
+from command_post.gateways.cot import LONGEST_EVENT_BYTES, Heard, read_event
+from command_post.gateways.tak_board import TakBoard
+from command_post.roster import Roster
+from shared.bus.inbox import Inbox
+from shared.codec import encode
+from shared.geodesy import Origin
+from shared.messages import LocalPosition, NodeId, OutsideWord
+from shared.topics import Key
+
+TAK_ID = "tak"
+"""Under whose name what comes from TAK stands in the record."""
+
+TELL_PERIOD_S = 1.0
+RETRY_S = 3.0
+MOST_HEARD = 256
+PLACE_SD_M = 10.0
+"""How well a place from TAK is known, where nothing says it."""
+
+_END = b"</event>"
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+class TakServer(NamedTuple):
+    """Where a TAK server is; with a certificate, its key and the server's authority for ``tls``."""
+
+    url: str
+    certificate: Path | None = None
+    key: Path | None = None
+    authority: Path | None = None
+
+
+def checked_server(server: TakServer) -> TakServer:
+    """Return ``server`` if it can be dialled as it stands. Raises ``ValueError``."""
+    parts = urlsplit(server.url)
+    if parts.scheme not in ("tcp", "tls") or not parts.hostname or parts.port is None:
+        raise ValueError(f"--tak {server.url!r}: write tcp://HOST:PORT or tls://HOST:PORT")
+    needed = (server.certificate, server.key, server.authority)
+    if parts.scheme == "tls" and None in needed:
+        raise ValueError("--tak tls://…: give --tak-cert, --tak-key and --tak-ca as well")
+    for path in needed:
+        if path is not None and not path.is_file():
+            raise ValueError(f"{path}: no such file; give the PEM files that the server issued")
+    return server
+
+
+class TakLink:
+    """Tells a TAK server of an incident, and the post of what comes back."""
+
+    def __init__(self, server: TakServer, incident: NodeId, origin: Origin) -> None:
+        self._server = server
+        self._incident = incident
+        self._origin = origin
+        self._lock = threading.Lock()
+        self._board = TakBoard(incident, origin)
+        self._heard: Inbox[OutsideWord] = Inbox(MOST_HEARD)
+        self._stop = threading.Event()
+        self._sequence = 0
+
+    def published(self, key_text: str, payload: bytes) -> None:
+        """Take in what the post has published."""
+        with self._lock:
+            self._board.publish(key_text, payload)
+
+    def show(self, roster: Roster) -> None:
+        """Take in the newest roster."""
+        with self._lock:
+            self._board.show(roster)
+
+    def take_requests(self) -> list[tuple[str, bytes]]:
+        """Return what TAK has said since, as messages under their keys."""
+        key = str(Key(self._incident, "post", TAK_ID, "outside"))
+        return [(key, encode(word)) for word in self._heard.get_all()]
+
+    def stop(self) -> None:
+        """Have ``run`` return soon."""
+        self._stop.set()
+
+    def run(self) -> None:
+        """Talk to the server, again and again, until stopped."""
+        asyncio.run(self._run())
+
+    async def _run(self) -> None:
+        told = ""
+        while not self._stop.is_set():
+            try:
+                await self._talk()
+                told = ""
+            except (OSError, SyntaxError, asyncio.IncompleteReadError) as error:
+                if str(error) != told:
+                    _log.warning("no link to TAK, trying on", url=self._server.url, why=str(error))
+                told = str(error)
+            await self._pause(RETRY_S)
+
+    async def _talk(self) -> None:
+        """Tell and hear over one connection, until it breaks or the post stops."""
+        with warnings.catch_warnings():
+            # It warns of parts that are not used here.
+            warnings.simplefilter("ignore")
+            import pytak  # noqa: PLC0415
+        reader, writer = await pytak.protocol_factory(_configuration(self._server))
+        _log.info("linked to TAK", url=self._server.url)
+        hearing = asyncio.ensure_future(self._hear(reader))
+        try:
+            while not (self._stop.is_set() or hearing.done()):
+                for event in self._due():
+                    writer.write(event)
+                await writer.drain()
+                await self._pause(TELL_PERIOD_S)
+            if hearing.done():
+                hearing.result()
+        finally:
+            hearing.cancel()
+            with suppress(asyncio.CancelledError, OSError):
+                await hearing
+            writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
+
+    async def _hear(self, reader: asyncio.StreamReader) -> None:
+        held = b""
+        while data := await reader.read(LONGEST_EVENT_BYTES):
+            *events, held = (held + data).split(_END)
+            for event in events:
+                heard = read_event(event.lstrip() + _END)
+                if heard is not None:
+                    self._note(heard)
+            if len(held) > LONGEST_EVENT_BYTES:
+                held = b""
+        raise OSError("the server has closed the link")
+
+    def _note(self, heard: Heard) -> None:
+        position = None
+        if heard.place is not None:
+            north_m, east_m, down_m = self._origin.local(heard.place)
+            variance_m2 = PLACE_SD_M**2
+            if max(abs(north_m), abs(east_m), abs(down_m)) < 1e6:
+                position = LocalPosition(
+                    north_m=north_m, east_m=east_m, down_m=down_m,
+                    covariance_m2=(variance_m2, 0.0, variance_m2),
+                )  # fmt: skip
+        self._sequence += 1
+        self._heard.put(
+            OutsideWord(
+                event_time_ns=time.time_ns(), sequence=self._sequence, kind=heard.kind,
+                uid=heard.uid, callsign=heard.callsign or heard.uid, words=heard.words,
+                position=position,
+            )
+        )  # fmt: skip
+
+    def _due(self) -> list[bytes]:
+        with self._lock:
+            return list(self._board.due(time.time_ns()))
+
+    async def _pause(self, seconds: float) -> None:
+        end_s = time.monotonic() + seconds
+        while not self._stop.is_set() and time.monotonic() < end_s:
+            await asyncio.sleep(0.1)
+
+
+@contextmanager
+def linked_to_tak(
+    server: TakServer | None, incident: NodeId, origin: Origin | None
+) -> Iterator[TakLink | None]:
+    """Talk to a TAK server until the block ends; ``None`` if there is none.
+
+    Raises ``ValueError`` without an ``origin``: TAK knows places on the Earth alone.
+    """
+    if server is None:
+        yield None
+        return
+    if origin is None:
+        raise ValueError("--tak: give --origin LATITUDE,LONGITUDE as well: where the incident is")
+    link = TakLink(checked_server(server), incident, origin)
+    thread = threading.Thread(target=link.run, name="tak")
+    thread.start()
+    try:
+        yield link
+    finally:
+        link.stop()
+        thread.join()
+
+
+def _configuration(server: TakServer) -> object:
+    files = {
+        "PYTAK_TLS_CLIENT_CERT": server.certificate,
+        "PYTAK_TLS_CLIENT_KEY": server.key,
+        "PYTAK_TLS_CLIENT_CAFILE": server.authority,
+    }
+    parser = ConfigParser()
+    parser["tak"] = {
+        "COT_URL": server.url,
+        "TAK_PROTO": "0",
+        **{name: str(path) for name, path in files.items() if path is not None},
+    }
+    return parser["tak"]

@@ -1,0 +1,296 @@
+"""When to set down the next DAP, as the one who carries it walks on (pure).
+
+A DAP is worth most where ways meet, for there somebody passes it again; and while the last one is
+still heard, for by it what is said comes out. What the unit knows of that are its own movements
+and how loud DAPs are: no map, and nobody else's track. The agent tells its wearer, the simulator
+lets those whom it simulates do as they are told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Annotated, NamedTuple, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+from shared.messages import Activity, NodeId, Vector3
+from shared.units import NS_PER_S
+
+Dbm: TypeAlias = Annotated[float, Meta(ge=-200.0, le=100.0)]
+Metres: TypeAlias = Annotated[float, Meta(gt=0.0, le=1e4)]
+Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
+
+STAIRS: frozenset[Activity] = frozenset({"stairs_up", "stairs_down", "ladder"})
+NO_WAY: frozenset[Activity] = frozenset({"side_step", "lift"})
+"""Movements that do not go where the wearer's way goes."""
+
+LEAST_MOVE_M = 0.2
+"""A shorter one is a turn on the spot."""
+
+STEEPEST_DB_M = 1.5
+"""What falls more steeply is one wall, or a fade, and does not go on so."""
+
+WALL_DB = 5.0
+"""Between a light inner wall and a brick one (COST 231, multi-wall model)."""
+
+
+class AdviserSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What counts as near, as covered, as a weak link, and how much a place is worth.
+
+    Levels (dBm) are of the loudest DAP over ``window_s``: from ``by_dbm`` on it is passed, from
+    ``covered_dbm`` on no further one is wanted. A link of ``weak_dbm`` begins to be in need; one of
+    ``breaking_dbm``, ``ahead_m`` further on as the level falls now, is all but gone. With no DAP
+    passed for ``every_m`` the need for a tie is full. To turn by ``turn_rad`` after going straight
+    for ``straight_m`` is a junction, for ``lasts_m``; who gets no further than the share
+    ``searching`` of ``around_m`` walked is in a room. A need counts fully at a junction or at
+    stairs, by ``worth_on_way`` or ``worth_in_room`` elsewhere, and by ``last_box_share`` of that
+    with the last box. Advice is raised from ``raise_at`` on, dropped under ``drop_at``. It is not
+    raised again within ``again_m``, nor, before it was dropped, within ``repeat_m``.
+    """
+
+    window_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 2.0
+    by_dbm: Dbm = -50.0
+    covered_dbm: Dbm = -62.0
+    weak_dbm: Dbm = -78.0
+    breaking_dbm: Dbm = -88.0
+    ahead_m: Metres = 5.0
+    power_at_1_m_dbm: Dbm = -40.0
+    path_loss_exponent: Annotated[float, Meta(ge=1.0, le=6.0)] = 2.2
+    every_m: Metres = 20.0
+    turn_rad: Annotated[float, Meta(gt=0.0, le=3.2)] = math.radians(45.0)
+    straight_m: Metres = 6.0
+    around_m: Metres = 20.0
+    searching: Share = 0.6
+    lasts_m: Metres = 3.0
+    worth_on_way: Share = 0.4
+    worth_in_room: Share = 0.2
+    last_box_share: Share = 0.75
+    raise_at: Share = 0.6
+    drop_at: Share = 0.4
+    again_m: Metres = 8.0
+    repeat_m: Metres = 25.0
+
+    def __post_init__(self) -> None:
+        """Refuse thresholds the wrong way round."""
+        if self.drop_at >= self.raise_at:
+            raise ValueError("drop_at: put it below raise_at")
+        if not self.breaking_dbm < self.weak_dbm < self.covered_dbm < self.by_dbm:
+            raise ValueError(
+                "levels: put breaking_dbm, weak_dbm, covered_dbm, by_dbm in that order"
+            )
+
+
+class Advice(NamedTuple):
+    """'Set one down now', at ``time_ns``: how urgent from 0 to 1, and why, in words."""
+
+    time_ns: int
+    urgency: float
+    reason: str
+
+
+class _Stop(NamedTuple):
+    """Where the wearer was: metres walked until then, and the place in the unit's own frame."""
+
+    walked_m: float
+    place_m: Vector3
+
+
+class _Need(NamedTuple):
+    """How much a DAP is needed, from 0 to 1, and for what."""
+
+    need: float
+    words: str
+
+
+class DropAdviser:
+    """Takes movements and signal strengths as they come; says when a DAP had better be set down.
+
+    ``boxes`` are left to the wearer; with none left nothing is said.
+    """
+
+    def __init__(self, boxes: int, settings: AdviserSettings | None = None) -> None:
+        self.boxes = boxes
+        self._settings = settings or AdviserSettings()
+        self._way: deque[_Stop] = deque([_Stop(0.0, (0.0, 0.0, 0.0))])
+        self._heard: dict[NodeId, deque[tuple[int, float]]] = {}
+        self._passed_m: dict[NodeId, float] = {}
+        self._levels: deque[tuple[float, float]] = deque()
+        # One goes in past the door, where the first DAP stands.
+        self._by_m = 0.0
+        self._site: tuple[str, float] | None = None
+        self._on_stairs = False
+        self._raised = False
+        self._raised_m = -math.inf
+
+    def hear(self, time_ns: int, dap_id: NodeId, rssi_dbm: float) -> None:
+        """Take in how loud a DAP is at the wearer's unit."""
+        heard = self._heard.setdefault(dap_id, deque())
+        heard.append((time_ns, rssi_dbm))
+        while heard[0][0] < time_ns - self._settings.window_s * NS_PER_S:
+            heard.popleft()
+
+    def set_down(self) -> None:
+        """Note that the wearer has set one down here."""
+        self.boxes -= 1
+        self._by_m = self._way[-1].walked_m
+        self._raised = False
+
+    def move(self, time_ns: int, displacement_m: Vector3, activity: Activity) -> Advice | None:
+        """Take in a movement in the unit's own frame; return advice if it is to be given now."""
+        self._note_site(displacement_m, activity)
+        self._walk(displacement_m)
+        level_dbm = self._look(time_ns)
+        if self.boxes < 1:
+            return None
+        need, words = max(self._for_tie(level_dbm), self._for_link(level_dbm))
+        if level_dbm is not None and level_dbm >= self._settings.covered_dbm:
+            need = 0.0
+        return self._told(Advice(time_ns, need, words))
+
+    def _told(self, advice: Advice) -> Advice | None:
+        """Return the advice if it is new: that which stands is not said again."""
+        settings = self._settings
+        if advice.urgency < settings.drop_at:
+            self._raised = False
+        walked_m = self._way[-1].walked_m
+        waits_m = settings.repeat_m if self._raised else settings.again_m
+        if advice.urgency < settings.raise_at or walked_m - self._raised_m < waits_m:
+            return None
+        self._raised, self._raised_m = True, walked_m
+        return advice
+
+    def _note_site(self, displacement_m: Vector3, activity: Activity) -> None:
+        """Note where ways meet, or stairs begin or end: that is where the movement begins."""
+        climbs = activity in STAIRS
+        if climbs != self._on_stairs:
+            self._on_stairs = climbs
+            self._site = ("at the stairs", self._way[-1].walked_m)
+        north_m, east_m, _ = displacement_m
+        length_m = math.hypot(north_m, east_m)
+        straight = self._straight()
+        if activity in NO_WAY or climbs or length_m < LEAST_MOVE_M or straight is None:
+            return
+        along = (north_m * straight[0] + east_m * straight[1]) / length_m
+        if along < math.cos(self._settings.turn_rad) and not self._searches:
+            self._site = ("at a junction", self._way[-1].walked_m)
+
+    def _walk(self, displacement_m: Vector3) -> None:
+        walked_m, place_m = self._way[-1]
+        moved_m = math.hypot(displacement_m[0], displacement_m[1])
+        there_m = (
+            place_m[0] + displacement_m[0],
+            place_m[1] + displacement_m[1],
+            place_m[2] + displacement_m[2],
+        )
+        self._way.append(_Stop(walked_m + moved_m, there_m))
+        while self._way[1].walked_m < walked_m + moved_m - self._settings.around_m:
+            self._way.popleft()
+
+    def _look(self, time_ns: int) -> float | None:
+        """Return how loud the loudest DAP is (dBm), noting which are passed; ``None`` if none."""
+        since_ns = time_ns - round(self._settings.window_s * NS_PER_S)
+        walked_m = self._way[-1].walked_m
+        loudest_dbm: float | None = None
+        for dap_id, heard in self._heard.items():
+            recent = [dbm for at_ns, dbm in heard if at_ns > since_ns]
+            if not recent:
+                continue
+            level_dbm = math.fsum(recent) / len(recent)
+            if level_dbm >= self._settings.by_dbm:
+                self._by_m = self._passed_m[dap_id] = walked_m
+            if loudest_dbm is None or level_dbm > loudest_dbm:
+                loudest_dbm = level_dbm
+        if loudest_dbm is not None:
+            self._levels.append((walked_m, loudest_dbm))
+        while self._levels and self._levels[0][0] < walked_m - self._settings.ahead_m:
+            self._levels.popleft()
+        return loudest_dbm
+
+    def _for_tie(self, level_dbm: float | None) -> _Need:
+        """Say how much a DAP is needed to tie tracks down: the more, the longer none was passed."""
+        since_m = self._way[-1].walked_m - self._by_m
+        where, worth = self._where()
+        near = "" if level_dbm is None else f", the next one at {level_dbm:.0f} dBm"
+        need = min(since_m / self._settings.every_m, 1.0) * worth
+        return _Need(need, f"{where}, {since_m:.0f} m since the last DAP{near}")
+
+    def _for_link(self, level_dbm: float | None) -> _Need:
+        """Say how much a DAP is needed for what is said to come out of the building."""
+        settings = self._settings
+        if not self._heard:
+            return _Need(0.0, "")
+        where, worth = self._where()
+        worth = 0.4 + 0.6 * worth
+        if level_dbm is None:
+            return _Need(worth, f"{where}, no DAP is heard any more")
+        falls_db_m = min(max(-self._slope_db_m(), 0.0), STEEPEST_DB_M)
+        coming_dbm = level_dbm - settings.ahead_m * falls_db_m
+        span_db = settings.weak_dbm - settings.breaking_dbm
+        need = min(max((settings.weak_dbm - coming_dbm) / span_db, 0.0), 1.0)
+        walls = self._walls(level_dbm)
+        behind = f", behind {walls} walls or more" if walls > 1 else ""
+        words = f"{where}, link at {level_dbm:.0f} dBm, falling {falls_db_m:.1f} dB/m{behind}"
+        return _Need(need * worth, words)
+
+    def _where(self) -> tuple[str, float]:
+        """Say what kind of place this is, and what share of a need counts here."""
+        settings = self._settings
+        thrift = settings.last_box_share if self.boxes == 1 else 1.0
+        if self._on_stairs:
+            return "on stairs", 0.0
+        if self._site is not None:
+            kind, at_m = self._site
+            if self._way[-1].walked_m - at_m <= settings.lasts_m:
+                return kind, 1.0
+        if self._searches:
+            return "in a room", thrift * settings.worth_in_room
+        return "on the way", thrift * settings.worth_on_way
+
+    @property
+    def _searches(self) -> bool:
+        """Whether the wearer has turned about for so long that this is no way from place to place.
+
+        Over a shorter way than ``around_m`` nothing can be said.
+        """
+        first, last = self._way[0], self._way[-1]
+        walked_m = last.walked_m - first.walked_m
+        got_m = math.dist(first.place_m[:2], last.place_m[:2])
+        return (
+            walked_m > 0.9 * self._settings.around_m and got_m < self._settings.searching * walked_m
+        )
+
+    def _straight(self) -> tuple[float, float] | None:
+        """Return which way (north, east) the wearer has come straight, if they have."""
+        last = self._way[-1]
+        for stop in reversed(self._way):
+            walked_m = last.walked_m - stop.walked_m
+            if walked_m >= self._settings.straight_m:
+                north_m = last.place_m[0] - stop.place_m[0]
+                east_m = last.place_m[1] - stop.place_m[1]
+                got_m = math.hypot(north_m, east_m)
+                return (north_m / got_m, east_m / got_m) if got_m > 0.95 * walked_m else None
+        return None
+
+    def _slope_db_m(self) -> float:
+        """Return by how much the level rises for each metre walked, over the last ones."""
+        count = len(self._levels)
+        if count < 3 or self._levels[-1][0] - self._levels[0][0] < 0.5 * self._settings.ahead_m:
+            return 0.0
+        mean_m = math.fsum(at_m for at_m, _ in self._levels) / count
+        mean_dbm = math.fsum(dbm for _, dbm in self._levels) / count
+        spread = math.fsum((at_m - mean_m) ** 2 for at_m, _ in self._levels)
+        return math.fsum((at_m - mean_m) * (dbm - mean_dbm) for at_m, dbm in self._levels) / spread
+
+    def _walls(self, level_dbm: float) -> int:
+        """Guess how many walls at least are between, from how far it can be to the last DAP.
+
+        It is no further than what was walked since it was passed.
+        """
+        if not self._passed_m:
+            return 0
+        far_m = max(self._way[-1].walked_m - max(self._passed_m.values()), 1.0)
+        free_dbm = self._settings.power_at_1_m_dbm
+        free_dbm -= 10.0 * self._settings.path_loss_exponent * math.log10(far_m)
+        return max(round((free_dbm - level_dbm) / WALL_DB), 0)

@@ -1,0 +1,49 @@
+"""A real drive, its phone as fixed and lying and slipping anyhow: what the mounts must reach."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from edge_agent.evaluation.score_card import TrialScore
+from edge_agent.evaluation.vehicle_score import follow_drive, score_drive
+from edge_agent.mounts.vehicle import VehicleMount
+from edge_agent.mounts.vehicle_published import PublishedVehicleMount
+from edge_agent.sources.vehicle_trials import lyings_of, mounted_drive
+
+
+def score(
+    path: Path, trial: str, new_mount: type[VehicleMount | PublishedVehicleMount]
+) -> TrialScore:
+    lying = next(one for one in lyings_of(path) if one.name.endswith(f"/{trial}"))
+    samples, truth = mounted_drive(path, lying)
+    speed = truth.fixed.speed
+    drive = follow_drive(new_mount(), samples, speed)
+    fixed = follow_drive(new_mount(), truth.fixed.samples, speed) if truth.slips else None
+    return score_drive(trial, "vehicle", drive, fixed, truth)
+
+
+@pytest.fixture
+def recorded_drive(data_dir: Path) -> Path:
+    return data_dir / "vehicle" / "comma2k19_60s.npz"
+
+
+def test_speed_holds_for_a_minute_without_satellites(recorded_drive: Path) -> None:
+    assert (score(recorded_drive, "piece_0", VehicleMount).speed_rmse_m_s or 9.0) <= 1.0
+
+
+@pytest.mark.parametrize("seed", [0, 3, 26, 40])
+def test_slips_of_the_phone_change_nothing_that_is_told(recorded_drive: Path, seed: int) -> None:
+    row = score(recorded_drive, f"seed_{seed}", VehicleMount)
+    assert (row.speed_rmse_m_s or 9.0) <= 1.0
+    assert (row.acceleration_rmse_m_s2 or 9.0) <= 0.2
+    assert (row.acceleration_correlation or 0.0) >= 0.97
+    assert row.slips == 3
+
+
+def test_the_published_method_is_worse_by_an_order_of_magnitude(recorded_drive: Path) -> None:
+    ours, published = (
+        score(recorded_drive, "piece_0", one) for one in (VehicleMount, PublishedVehicleMount)
+    )
+    assert (published.speed_rmse_m_s or 0.0) > 10.0 * (ours.speed_rmse_m_s or 9.0)
