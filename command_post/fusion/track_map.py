@@ -71,7 +71,7 @@ class TrackMap(msgspec.Struct, frozen=True):
         return graph
 
 
-class _Place:
+class Place:
     """A node in the making."""
 
     def __init__(self, place_m: tuple[float, float, float]) -> None:
@@ -93,11 +93,11 @@ class _Place:
         self.responders.add(responder_id)
 
 
-class _Places:
+class Places:
     """All nodes in the making, found by the cell of a grid that they began in."""
 
     def __init__(self) -> None:
-        self.made: list[_Place] = []
+        self.made: list[Place] = []
         self._cells: dict[tuple[int, int, int], list[int]] = {}
 
     def at(self, place_m: tuple[float, float, float]) -> int:
@@ -111,7 +111,7 @@ class _Places:
                 best, best_m = number, apart_m
         if best < 0:
             best = len(self.made)
-            self.made.append(_Place(place_m))
+            self.made.append(Place(place_m))
             self._cells.setdefault(cell, []).append(best)
         return best
 
@@ -134,7 +134,7 @@ class _Places:
 
 def map_of(tracks: Mapping[str, SmoothedTrack]) -> TrackMap:
     """Return the walked graph of ``tracks`` by responder; the same for any order of them."""
-    places = _Places()
+    places = Places()
     edges: dict[tuple[int, int], list[float]] = {}
     for responder_id in sorted(tracks):
         before: int | None = None
@@ -180,11 +180,11 @@ def _walked(track: SmoothedTrack) -> Iterator[tuple[float, tuple[float, float, f
             )
 
 
-def _apart_m(one: _Place, other: _Place) -> float:
+def _apart_m(one: Place, other: Place) -> float:
     return math.dist(one.place_m, other.place_m)
 
 
-def _kinds(places: list[_Place], ways: Iterable[MapEdge]) -> list[PlaceKind]:
+def _kinds(places: list[Place], ways: Iterable[MapEdge]) -> list[PlaceKind]:
     """Tell stairs by their slope; and rooms, which can be left by one doorway only."""
     kinds: list[PlaceKind] = ["way"] * len(places)
     graph = nx.Graph()

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeAlias
 
 from command_post.roster import DapRow
-from command_post.web.board import Point, TrackView
+from command_post.ways import Point
+from command_post.web.board import TrackView
 from shared.geodesy import Origin
 
 Feature: TypeAlias = dict[str, Any]

@@ -135,6 +135,8 @@ class _Api:
             Route("/sign-out", self.sign_out, methods=["POST"]),
             Route("/state", self.state),
             Route("/features.geojson", self.features),
+            Route("/ways/out/{responder_id}", self.way_out),
+            Route("/ways/rescue/{responder_id}", self.rescue),
             Route("/events", self.events),
             Route("/orders", self.order, methods=["POST"]),
             Route("/alerts/{number:int}", self.alert, methods=["POST"]),
@@ -183,6 +185,22 @@ class _Api:
             why = "nobody has said where on the Earth this is: start the post with --origin"
             raise _RefusedError(HTTPStatus.NOT_FOUND, why)
         return _json(self._site.page.features(self._site.origin), media_type="application/geo+json")
+
+    async def way_out(self, request: Request) -> Response:
+        self._may(request, "viewer")
+        responder_id = request.path_params["responder_id"]
+        way = self._site.page.way_out(responder_id)
+        if way is None:
+            raise _RefusedError(HTTPStatus.NOT_FOUND, f"no way out of {responder_id} was walked")
+        return _json({"who": responder_id, "way": way})
+
+    async def rescue(self, request: Request) -> Response:
+        self._may(request, "viewer")
+        responder_id = request.path_params["responder_id"]
+        sent = self._site.page.rescue(responder_id)
+        if sent is None:
+            raise _RefusedError(HTTPStatus.NOT_FOUND, f"nobody's way to {responder_id} was walked")
+        return _json({"who": sent[0], "way": sent[1]})
 
     async def events(self, request: Request) -> Response:
         self._may(request, "viewer")

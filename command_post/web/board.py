@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import msgspec
 
 from command_post.confidence import CHI_SQUARE_95, axes95
 from command_post.floors import Floor, floors_of
 from command_post.roster import DapRow, ResponderRow, Roster
+from command_post.ways import Point, WalkedGround, Way, quickest
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import Alert, NodeId, OrderAnswer, Outline, TrackEstimate, TrackStatus
 from shared.units import NS_PER_S
@@ -24,14 +25,14 @@ SILENCE_S = 20.0
 SILENT_SPEED_M_S = 0.5
 """Who is not heard for longer than that may have gone on so fast (as the team's fusion has it)."""
 
+HEADING_KNOWN_RAD = 0.6
+"""Nobody is told to turn left who may face anywhere."""
+
 TRAIL_POINTS = 300
 TRAIL_SPACING_M = 0.5
 """Points of a way behind somebody: so many, so far apart at least; the oldest go first."""
 
 MOST_ANSWERS = 64
-
-Point: TypeAlias = tuple[float, float, float]
-"""North, east and down, m."""
 
 
 class TrackView(msgspec.Struct, frozen=True):
@@ -92,6 +93,7 @@ class Board:
         self._alerts: dict[int, tuple[int, Alert]] = {}
         self._answers: deque[tuple[int, OrderAnswer]] = deque(maxlen=MOST_ANSWERS)
         self.daps: tuple[DapRow, ...] = ()
+        self._ground = WalkedGround()
         self._roster: tuple[int, msgspec.Raw] = (0, msgspec.Raw(b"null"))
         self._floors: tuple[int, list[Floor]] = (0, [])
 
@@ -110,6 +112,9 @@ class Board:
                 self._told[message.responder_id] = _Told(view, self._now_ns)
                 self._tracks[message.responder_id] = (self.version, view)
                 self._lengthen(message)
+                place = (message.north_m, message.east_m, message.down_m)
+                time_s = message.event_time_ns / NS_PER_S
+                self._ground.walk(message.responder_id, time_s, place)
             case Alert():
                 self._alerts[message.number] = (self.version, message)
             case OrderAnswer():
@@ -128,6 +133,25 @@ class Board:
         )  # fmt: skip
         if floors != self._floors[1]:
             self._floors = (self.version, floors)
+
+    def way_out(self, responder_id: NodeId) -> Way | None:
+        """Return the quickest way that somebody has out, if one was walked."""
+        told = self._told.get(responder_id)
+        if told is None:
+            return None
+        return self._ground.way_out(_place(told.view), _heading(told.view))
+
+    def rescue(self, responder_id: NodeId) -> tuple[NodeId, Way] | None:
+        """Return who of the others is soonest there, and by what way, if there is any."""
+        told = self._told.get(responder_id)
+        if told is None:
+            return None
+        others = (
+            (name, _place(view), _heading(view))
+            for name, (_, view) in sorted(self._tracks.items())
+            if name != responder_id and view.status != "lost"
+        )
+        return quickest(self._ground, _place(told.view), others)
 
     def since(self, version: int) -> Changes:
         """Return what has changed since ``version``; since 0, everything, and trails whole."""
@@ -166,6 +190,14 @@ class Board:
             TRAIL_SPACING_M
         ):
             way.append(place)
+
+
+def _place(view: TrackView) -> Point:
+    return (view.north_m, view.east_m, view.down_m)
+
+
+def _heading(view: TrackView) -> float | None:
+    return view.heading_rad if view.heading_sd_rad < HEADING_KNOWN_RAD else None
 
 
 def _silent_m2(silent_s: float) -> float:

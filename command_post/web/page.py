@@ -8,6 +8,7 @@ import time
 from command_post.gateways.geojson import Feature, Scene, feature_collection
 from command_post.roster import Roster
 from command_post.roster_json import roster_json
+from command_post.ways import Way
 from command_post.web.board import Board, Changes
 from shared.bus.inbox import Inbox
 from shared.codec import encode
@@ -54,6 +55,16 @@ class Page:
         with self._lock:
             whole, daps = self._board.since(0), self._board.daps
         return feature_collection(Scene(whole.tracks, whole.trails or {}, daps), origin)
+
+    def way_out(self, responder_id: NodeId) -> Way | None:
+        """Return the quickest way that somebody has out, if one was walked."""
+        with self._lock:
+            return self._board.way_out(responder_id)
+
+    def rescue(self, responder_id: NodeId) -> tuple[NodeId, Way] | None:
+        """Return who of the others is soonest there, and by what way, if there is any."""
+        with self._lock:
+            return self._board.rescue(responder_id)
 
     @property
     def now_ns(self) -> int:

@@ -174,3 +174,19 @@ def test_there_is_a_map_for_others_once_it_is_known_where_on_the_earth_it_is(pag
     assert area > 0.0, "an outer ring is anticlockwise"
     assert max(corner[1] for corner in ring) > latitude
     assert len(way["geometry"]["coordinates"]) == 2
+
+
+def test_ways_are_told_along_what_was_walked(page: Page, local: TestClient) -> None:
+    assert local.get("/api/v1/ways/out/r1").status_code == 404
+    for number in range(20):
+        at = (number + 1.0, float(number))
+        page.published("clew/v1/fire/post/post/track", track(*at))
+        page.published("clew/v1/fire/post/post/track", track(at[0], 0.5 * number, "r2"))
+    out = local.get("/api/v1/ways/out/r1").json()
+    assert out["who"] == "r1"
+    assert out["way"]["length_m"] == pytest.approx(19.0, abs=1.5)
+    assert out["way"]["legs"][0]["turn"] == "around"
+    rescue = local.get("/api/v1/ways/rescue/r1").json()
+    assert rescue["who"] == "r2"
+    assert rescue["way"]["length_m"] == pytest.approx(9.5, abs=1.5)
+    assert local.get("/api/v1/ways/rescue/nobody").status_code == 404

@@ -123,6 +123,20 @@ def test_floors_units_and_language_are_chosen(running: Running, browser: Browser
     page.close()
 
 
+def test_a_way_out_is_shown_in_words(running: Running, browser: Browser) -> None:
+    page, watched = _opened(browser, running.url, (1024, 768))
+    expect(page.locator("#responder-list .sure")).to_contain_text(" m")
+    page.get_by_role("button", name="Way out: r1").click()
+    expect(page.locator("#way-words")).to_contain_text("walking")
+    page.get_by_role("button", name="Close").click()
+    expect(page.locator("#way")).to_be_hidden()
+    page.get_by_role("button", name="Rescue: r1").click()
+    expect(page.locator("#way-words")).to_contain_text("nobody's way to r1 was walked")
+    watched.errors = [each for each in watched.errors if "404" not in each]
+    assert watched.errors == []
+    page.close()
+
+
 def test_an_evacuation_is_ordered_by_keyboard_and_acknowledged(
     running: Running, browser: Browser
 ) -> None:

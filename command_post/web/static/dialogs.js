@@ -37,6 +37,16 @@ async function sendOrder(kind) {
   }
 }
 
+/** Show a way for `who`; `send` sends its words to them, if that may be; `done` when it is closed. */
+export function showWay(title, words, send, done) {
+  $("way-title").textContent = title;
+  $("way-words").textContent = words;
+  $("way-send").hidden = send === null;
+  $("way-send").onclick = async () => { await send(); $("way").hidden = true; done(); };
+  $("way-close").onclick = () => { $("way").hidden = true; done(); };
+  $("way").hidden = false;
+}
+
 /** Ask whom to give an alert to; `chosen` is called with the id. */
 export function askAssign(ids, chosen) {
   $("assign-to").replaceChildren(...ids.map((id) => Object.assign(document.createElement("button"), {

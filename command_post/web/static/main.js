@@ -1,8 +1,8 @@
 // The commander's page: follows the post, draws what has changed once a frame, asks for what is wanted.
-import { askAssign, askOrder, askWho } from "./dialogs.js";
+import { askAssign, askOrder, askWho, showWay } from "./dialogs.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
-import { showAlerts, showDaps, showFloors, showPeople } from "./panels.js";
+import { showAlerts, showDaps, showFloors, showPeople, wayWords } from "./panels.js";
 import * as post from "./post.js";
 import { changeLanguage, changeUnits, duration, word, writeWords } from "./words.js";
 
@@ -15,6 +15,7 @@ let chosenFloor = null;
 let due = { tracks: false, panels: false };
 let lostSince = null;
 let drawnFirst = false;
+let wayTimer = 0;
 const seen = new Set();
 
 const may = (role) => RANKS[me.role] >= RANKS[role];
@@ -36,7 +37,7 @@ function draw() {
 function drawPanels() {
   showFloors(model, chosenFloor, chooseFloor);
   showAlerts(model, may("operator"), { turn, assign });
-  showPeople(model, { centre: (id) => view.centre(id) });
+  showPeople(model, { centre: (id) => view.centre(id), wayOut, rescue });
   showDaps(model);
   const remarks = (model.roster?.remarks ?? []).join(" · ");
   $("link").title = remarks;
@@ -101,6 +102,33 @@ async function turn(alert, stage, assigned_to = null) {
   } catch (error) {
     $("new-alert").textContent = `${word("refused")} ${error.message}`;
   }
+}
+
+const wayOut = (id) => findWay("way_out", id, post.wayOut);
+const rescue = (id) => findWay("rescue", id, post.rescue);
+
+/** Find a way, and follow whoever goes it: it is found anew every few seconds, until it is closed. */
+async function findWay(name, id, find) {
+  clearInterval(wayTimer);
+  const again = async () => {
+    try {
+      const { who, way } = await find(id);
+      const words = wayWords(way);
+      const send = may("commander") ? () => post.order("message", [who], `${word(name)} ${id}: ${words}`.slice(0, 200)) : null;
+      view.showWay(way.places_m);
+      showWay(`${word(name)} ${id}${who === id ? "" : ` ← ${who}`}`, words, send, endWay);
+    } catch (error) {
+      view.showWay(null);
+      showWay(`${word(name)} ${id}`, error.message, null, endWay);
+    }
+  };
+  await again();
+  wayTimer = setInterval(again, 3000);
+}
+
+function endWay() {
+  clearInterval(wayTimer);
+  view.showWay(null);
 }
 
 const ids = () => model.responders().map((row) => row.responder_id);

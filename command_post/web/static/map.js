@@ -16,12 +16,12 @@ export class MapView {
   constructor(target, model) {
     this.#model = model;
     this.sources = { trails: new ol.source.Vector(), regions: new ol.source.Vector(),
-      people: new ol.source.Vector(), daps: new ol.source.Vector() };
+      people: new ol.source.Vector(), daps: new ol.source.Vector(), way: new ol.source.Vector() };
     const layer = (source) => new ol.layer.Vector({ source, updateWhileInteracting: true,
       updateWhileAnimating: true, style: (feature) => this.#style(feature) });
     this.map = new ol.Map({
       target,
-      layers: ["trails", "regions", "daps", "people"].map((name) => layer(this.sources[name])),
+      layers: ["trails", "regions", "way", "daps", "people"].map((name) => layer(this.sources[name])),
       view: new ol.View({ projection, center: [0, 0], resolution: 0.15, minResolution: 0.005,
         maxResolution: 50, enableRotation: false }),
       controls: [new ol.control.ScaleLine({ minWidth: 80 })],
@@ -59,6 +59,14 @@ export class MapView {
     if (!track) return;
     this.#followed = false;
     this.map.getView().setCenter([track.east_m, track.north_m]);
+  }
+
+  /** Draw a way (places of north, east, down), or none. */
+  showWay(places) {
+    this.sources.way.clear();
+    if (!places) return;
+    const line = new ol.geom.LineString(places.map(([north, east]) => [east, north]));
+    this.sources.way.addFeature(new ol.Feature({ kind: "way", geometry: line }));
   }
 
   drawTracks() {
@@ -127,6 +135,9 @@ export class MapView {
     const colour = withAlpha(this.colours[status] ?? this.colours.accent, faint ? 0.25 : 1);
     if (kind === "trail") {
       return new ol.style.Style({ stroke: new ol.style.Stroke({ color: withAlpha(colour, faint ? 0.1 : 0.55), width: 3 }) });
+    }
+    if (kind === "way") {
+      return new ol.style.Style({ stroke: new ol.style.Stroke({ color: this.colours.accent, width: 6, lineDash: [14, 8] }) });
     }
     if (kind === "region") {
       return new ol.style.Style({

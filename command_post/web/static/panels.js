@@ -98,7 +98,15 @@ function personItem(row, shown, actions) {
     why ? element("span", { className: "why", textContent: why }) : null,
     orders.length ? element("span", { className: "why", textContent: orders.join(" · ") }) : null);
   who.dataset.action = "centre";
-  return element("li", {}, who);
+  const way = (name, act) => {
+    const made = element("button", { type: "button", textContent: word(name), onclick: act });
+    made.dataset.action = name;
+    made.setAttribute("aria-label", `${word(name)}: ${row.responder_id}`);
+    return made;
+  };
+  return element("li", {}, who, element("div", { className: "row" },
+    way("way_out", () => actions.wayOut(row.responder_id)),
+    way("rescue", () => actions.rescue(row.responder_id))));
 }
 
 function showEvacuation(rows) {
@@ -141,4 +149,11 @@ export function showFloors(model, chosen, choose) {
     tab.dataset.action = "floor";
     return tab;
   });
+}
+
+/** A way in words, one line a leg. */
+export function wayWords(way) {
+  const legs = way.legs.map((leg) => `${word(leg.turn)} ${length(leg.length_m)}`);
+  return `${length(way.length_m)}, ${duration(way.walk_s)} ${word("walking")}, `
+    + `${duration(way.crawl_s)} ${word("crawling")}: ${legs.join("; ")}`;
 }

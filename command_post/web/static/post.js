@@ -24,6 +24,9 @@ export const order = (kind, to, text) => talk("orders", { kind, to, text });
 export const turnAlert = (number, stage, assigned_to = null) =>
   talk(`alerts/${number}`, { stage, assigned_to });
 
+export const wayOut = (id) => talk(`ways/out/${id}`);
+export const rescue = (id) => talk(`ways/rescue/${id}`);
+
 /** Have `changed` called with what has changed, and `linked` with whether there is a link. */
 export function follow(changed, linked) {
   const events = new EventSource("api/v1/events");

@@ -17,6 +17,9 @@ const CATALOGUE = {
     has_it: "has received", nobody: "Choose somebody.", text_needed: "Write something.",
     refused: "The post refuses:", evacuating: "Evacuation not acknowledged by",
     doubtful: "doubtful", inside: "inside", lost_count: "lost", mayday: "MAYDAY", fall: "Fall",
+    way_out: "Way out", rescue: "Rescue", close: "Close", walking: "walking", crawling: "crawling",
+    on: "straight on", left: "left", right: "right", around: "turn around",
+    upstairs: "upstairs", downstairs: "downstairs",
     motionless: "Motionless", lost_contact: "Lost contact", doubt: "Doubt", intruder: "Intruder",
   },
   ko: {
@@ -36,6 +39,9 @@ const CATALOGUE = {
     has_it: "수신함", nobody: "대상을 선택하십시오.", text_needed: "내용을 입력하십시오.",
     refused: "지휘소 거부:", evacuating: "대피 미확인 대원",
     doubtful: "확인 필요", inside: "내부", lost_count: "위치 불명", mayday: "메이데이", fall: "추락·넘어짐",
+    way_out: "나가는 길", rescue: "구조", close: "닫기", walking: "걸어서", crawling: "기어서",
+    on: "직진", left: "왼쪽", right: "오른쪽", around: "뒤로 돌아",
+    upstairs: "위층으로", downstairs: "아래층으로",
     motionless: "움직임 없음", lost_contact: "연락 두절", doubt: "의심", intruder: "침입자",
   },
 };

@@ -1,0 +1,217 @@
+"""Ways out, and to who is down, along what crews have walked (pure).
+
+Nobody has a plan: where somebody went, somebody can go. Places that were held to be reached are
+joined as the track map joins them; a place that an estimate leapt to, as a DAP corrected it, is not
+joined to the one before. The shortest way is by time: stairs take longer than a corridor.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterable, Sequence
+from typing import Literal, TypeAlias
+
+import msgspec
+import networkx as nx
+
+from command_post.fusion.track_map import JOIN_DOWN_M, SPACING_M, STEEP, Places
+from shared.maths.angles import wrap_rad
+from shared.messages import NodeId
+
+Point: TypeAlias = tuple[float, float, float]
+"""North, east and down, m."""
+
+Turn: TypeAlias = Literal["on", "left", "right", "around", "upstairs", "downstairs"]
+
+LEAP_M = 3.0
+"""Further than a stride: an estimate that was corrected, no way that anybody went."""
+
+REACH_M = 6.0
+"""Somebody is at most so far from where somebody walked."""
+
+WALK_M_S = 1.0
+CRAWL_M_S = 0.35
+STAIRS_SLOWER = 2.0
+STRAIGHT_M = 1.0
+"""A way that bends by less is straight."""
+
+TURNS_RAD = math.radians(35.0)
+AROUND_RAD = math.radians(135.0)
+
+
+class Leg(msgspec.Struct, frozen=True):
+    """A stretch of a way: turn so, then go so far."""
+
+    turn: Turn
+    length_m: float
+
+
+class Way(msgspec.Struct, frozen=True):
+    """From ``places_m``'s first to its last; how long it takes walking, and crawling."""
+
+    places_m: tuple[Point, ...]
+    length_m: float
+    walk_s: float
+    crawl_s: float
+    legs: tuple[Leg, ...]
+
+
+class WalkedGround:
+    """The graph of what was walked so far; grows place by place as estimates come."""
+
+    def __init__(self) -> None:
+        self._places = Places()
+        self._graph = nx.Graph()
+        self._last: dict[NodeId, tuple[int, Point]] = {}
+        self._entrances: list[int] = []
+
+    def walk(self, responder_id: NodeId, time_s: float, place_m: Point) -> None:
+        """Take in that somebody is at ``place_m``, where they came from where they were last."""
+        before = self._last.get(responder_id)
+        steps = [place_m] if before is None else _between(before[1], place_m)
+        number = -1 if before is None else before[0]
+        for step in steps:
+            reached = self._places.at(step)
+            if reached == number:
+                continue
+            self._places.made[reached].visit(step, responder_id, time_s)
+            self._graph.add_node(reached)
+            if number >= 0 and math.dist(before[1] if before else step, place_m) <= LEAP_M:
+                self._graph.add_edge(number, reached)
+            number = reached
+        if before is None:
+            self._entrances.append(number)
+        self._last[responder_id] = (number, place_m)
+
+    def way_out(self, place_m: Point, heading_rad: float | None = None) -> Way | None:
+        """Return the quickest way from ``place_m`` to where somebody came in, if there is one."""
+        return self._way(place_m, self._entrances, heading_rad)
+
+    def way_to(self, place_m: Point, goal_m: Point, heading_rad: float | None = None) -> Way | None:
+        """Return the quickest way from one place to another, if there is one."""
+        goal = self._nearest(goal_m)
+        return None if goal is None else self._way(place_m, [goal], heading_rad)
+
+    def _way(self, place_m: Point, goals: Collection[int], heading_rad: float | None) -> Way | None:
+        start = self._nearest(place_m)
+        if start is None:
+            return None
+        seconds, paths = nx.single_source_dijkstra(self._graph, start, weight=self._seconds)
+        reached = [goal for goal in goals if goal in seconds]
+        if not reached:
+            return None
+        goal = min(reached, key=lambda each: seconds[each])
+        return _told([place_m, *(self._places.made[each].place_m for each in paths[goal])],
+                     heading_rad)  # fmt: skip
+
+    def _nearest(self, place_m: Point) -> int | None:
+        """Return the walked place nearest to one, of the same storey if there is such."""
+
+        def off_m(number: int) -> float:
+            there_m = self._places.made[number].place_m
+            apart_m = math.hypot(there_m[0] - place_m[0], there_m[1] - place_m[1])
+            storeys = abs(there_m[2] - place_m[2]) / JOIN_DOWN_M
+            return apart_m + (REACH_M if storeys > 1.0 else 0.0) * storeys
+
+        if not self._graph:
+            return None
+        best: int = min(self._graph, key=off_m)
+        return best if off_m(best) <= REACH_M else None
+
+    def _seconds(self, one: int, other: int, _edge: object) -> float:
+        a, b = self._places.made[one].place_m, self._places.made[other].place_m
+        return _walk_s(a, b)
+
+
+def quickest(
+    ground: WalkedGround, goal_m: Point, rescuers: Iterable[tuple[NodeId, Point, float | None]]
+) -> tuple[NodeId, Way] | None:
+    """Return who of ``rescuers`` (id, place, heading) is soonest at ``goal_m``, and their way."""
+    ways = [(name, ground.way_to(place, goal_m, heading)) for name, place, heading in rescuers]
+    found = [(name, way) for name, way in ways if way is not None]
+    return min(found, key=lambda each: each[1].walk_s) if found else None
+
+
+def _between(start_m: Point, end_m: Point) -> list[Point]:
+    """Return places from behind ``start_m`` to ``end_m``, none jumped over."""
+    count = max(1, math.ceil(math.dist(start_m, end_m) / SPACING_M))
+    if math.dist(start_m, end_m) > LEAP_M:
+        return [end_m]
+    return [
+        (
+            start_m[0] + (end_m[0] - start_m[0]) * step / count,
+            start_m[1] + (end_m[1] - start_m[1]) * step / count,
+            start_m[2] + (end_m[2] - start_m[2]) * step / count,
+        )
+        for step in range(1, count + 1)
+    ]
+
+
+def _is_steep(a: Point, b: Point) -> bool:
+    return abs(a[2] - b[2]) > STEEP * math.dist(a, b)
+
+
+def _walk_s(a: Point, b: Point) -> float:
+    return math.dist(a, b) / WALK_M_S * (STAIRS_SLOWER if _is_steep(a, b) else 1.0)
+
+
+def _told(places_m: Sequence[Point], heading_rad: float | None) -> Way:
+    pairs = list(itertools.pairwise(places_m))
+    walk_s = sum(_walk_s(a, b) for a, b in pairs)
+    return Way(
+        places_m=tuple(places_m),
+        length_m=sum(math.dist(a, b) for a, b in pairs),
+        walk_s=walk_s,
+        crawl_s=walk_s * WALK_M_S / CRAWL_M_S,
+        legs=tuple(_legs(_straightened(places_m), heading_rad)),
+    )
+
+
+def _straightened(places_m: Sequence[Point]) -> list[Point]:
+    """Return the corners of a way (Ramer, Douglas and Peucker), level or not."""
+    if len(places_m) < 3:
+        return list(places_m)
+    start, end = places_m[0], places_m[-1]
+    offs_m = [_off_line_m(place, start, end) for place in places_m[1:-1]]
+    most_m = max(offs_m)
+    if most_m <= STRAIGHT_M:
+        return [start, end]
+    corner = offs_m.index(most_m) + 1
+    return _straightened(places_m[: corner + 1])[:-1] + _straightened(places_m[corner:])
+
+
+def _off_line_m(place: Point, start: Point, end: Point) -> float:
+    length_m = math.dist(start, end)
+    if length_m == 0.0:
+        return math.dist(place, start)
+    along = sum((p - s) * (e - s) for p, s, e in zip(place, start, end, strict=True)) / length_m**2
+    along = min(max(along, 0.0), 1.0)
+    foot = [s + along * (e - s) for s, e in zip(start, end, strict=True)]
+    return math.dist(place, foot)
+
+
+def _legs(corners_m: Sequence[Point], heading_rad: float | None) -> list[Leg]:
+    legs: list[Leg] = []
+    facing_rad = heading_rad
+    for a, b in itertools.pairwise(corners_m):
+        bearing_rad = math.atan2(b[1] - a[1], b[0] - a[0])
+        turn = _turn(a, b, facing_rad, bearing_rad)
+        length_m = math.dist(a, b)
+        if turn == "on" and legs and legs[-1].turn not in ("upstairs", "downstairs"):
+            legs[-1] = Leg(legs[-1].turn, legs[-1].length_m + length_m)
+        else:
+            legs.append(Leg(turn, length_m))
+        facing_rad = bearing_rad
+    return legs
+
+
+def _turn(a: Point, b: Point, facing_rad: float | None, bearing_rad: float) -> Turn:
+    if _is_steep(a, b):
+        return "upstairs" if b[2] < a[2] else "downstairs"
+    turned_rad = 0.0 if facing_rad is None else wrap_rad(bearing_rad - facing_rad)
+    if abs(turned_rad) >= AROUND_RAD:
+        return "around"
+    if abs(turned_rad) <= TURNS_RAD:
+        return "on"
+    return "right" if turned_rad > 0.0 else "left"
