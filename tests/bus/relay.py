@@ -59,6 +59,12 @@ class Relay:
         self._threads = [threading.Thread(target=self._accept)]
         self._threads[0].start()
 
+    @property
+    def connections(self) -> int:
+        """How many connections it has passed on so far."""
+        with self._lock:
+            return len(self._sockets) // 2
+
     def stall(self) -> None:
         """Pass nothing on from now on, and close nothing: both ends see a half-open link."""
         self._flowing.clear()

@@ -168,11 +168,13 @@ def test_a_client_leaves_a_router_that_falls_silent(
     found: list[bool] = []
     agent.on_link(lambda: found.append(agent.connected()))
     settle(agent, post)
+    wait_for(lambda: relays[1].connections, "a link in reserve")
     for number, relay in enumerate(relays, 1):
         found.clear()
         relay.stall()
         wait_for(lambda: not agent.connected(), "the dead link to be found")
         wait_for(lambda: found == [True], "the other router")
+        assert relay is relays[1] or relays[1].connections == 1, "not the link in reserve"
         relay.resume()
         settle(agent, post)
         settle(post, agent)
