@@ -11,6 +11,7 @@ from itertools import chain
 
 from edge_agent.alarm_repeats import AlarmRepeats
 from edge_agent.alarms import AlarmEvent, AlarmWatch
+from edge_agent.drop_desk import Beacon, DropDesk
 from edge_agent.inertial.activity import ActivityClassifier, ActivityEstimate
 from edge_agent.mounts.intake import has_gyro, readable
 from edge_agent.mounts.interface import Increment, Mount
@@ -56,12 +57,13 @@ class Agent:
         sends_imu: bool = True,
         stands_at: LocalPosition | None = None,
         keeps: Callable[[], bool] = lambda: True,
+        drop_desk: DropDesk | None = None,
     ) -> None:
         """``start``: where the wearer stands at first; ``None`` if the post is to know.
 
         ``stands_at``: a known point where they report to stand then, and how near it.
         ``sends_imu``: publish the raw samples as well, for the record. ``keeps``: whether what is
-        said is on disk, until it is safe elsewhere.
+        said is on disk, until it is safe elsewhere. ``drop_desk``: of a wearer who carries DAPs.
         """
         self._sender = sender
         self._keeps = keeps
@@ -75,6 +77,7 @@ class Agent:
         self._alarm_repeats = AlarmRepeats()
         self._self_check = SelfCheck(mount.faults, worn=worn)
         self._whereabouts = Whereabouts(sender, stands_at)
+        self._drop_desk = drop_desk
         self._batch: list[ImuSample] = []
         self._told_sd_rad: float | None = None
         self._moved = False
@@ -109,6 +112,9 @@ class Agent:
         self.pass_time(reading.time_ns)
         if isinstance(reading, ImuSample):
             self._take_sample(reading)
+        elif isinstance(reading, Beacon):
+            if self._drop_desk is not None:
+                self._drop_desk.hear(reading)
         elif not isinstance(reading, Quiet):
             self._whereabouts.take(reading)
 
@@ -202,23 +208,24 @@ class Agent:
         self._alarm_watch.flat = self._classifier.flat
         self._self_check.worn = self._mount.worn
         self._self_check.take_increment(increment)
-        self._sender.send(
-            OdometryIncrement(
-                event_time_ns=increment.end_time_ns,
-                sequence=self._sender.next_sequence(OdometryIncrement),
-                start_time_ns=increment.start_time_ns,
-                d_north_m=d_north_m,
-                d_east_m=d_east_m,
-                d_down_m=d_down_m,
-                d_heading_rad=increment.d_heading_rad,
-                heading_rad=increment.heading_rad,
-                covariance=increment.covariance,
-                mount=self._worn,
-                activity=activity.activity,
-                activity_confidence=activity.confidence,
-                facing_sd_rad=increment.facing_sd_rad,
-            )
+        told = OdometryIncrement(
+            event_time_ns=increment.end_time_ns,
+            sequence=self._sender.next_sequence(OdometryIncrement),
+            start_time_ns=increment.start_time_ns,
+            d_north_m=d_north_m,
+            d_east_m=d_east_m,
+            d_down_m=d_down_m,
+            d_heading_rad=increment.d_heading_rad,
+            heading_rad=increment.heading_rad,
+            covariance=increment.covariance,
+            mount=self._worn,
+            activity=activity.activity,
+            activity_confidence=activity.confidence,
+            facing_sd_rad=increment.facing_sd_rad,
         )
+        self._sender.send(told)
+        if self._drop_desk is not None:
+            self._drop_desk.move(told)
 
     def _activity(self, increment: Increment) -> ActivityEstimate:
         """Return what the wearer did; only a boot's posture has to be asked for it."""

@@ -107,7 +107,8 @@ class _Need(NamedTuple):
 class DropAdviser:
     """Takes movements and signal strengths as they come; says when a DAP had better be set down.
 
-    ``boxes`` are left to the wearer; with none left nothing is said.
+    ``boxes`` are left to the wearer; with none left nothing is said. They are switched on as they
+    are set down: one that is new and loud where advice stands counts as that one.
     """
 
     def __init__(self, boxes: int, settings: AdviserSettings | None = None) -> None:
@@ -199,6 +200,9 @@ class DropAdviser:
                 continue
             level_dbm = math.fsum(recent) / len(recent)
             if level_dbm >= self._settings.by_dbm:
+                if self._raised and dap_id not in self._passed_m:
+                    # It was not there before, and one was asked for: this is it.
+                    self.set_down()
                 self._by_m = self._passed_m[dap_id] = walked_m
             if loudest_dbm is None or level_dbm > loudest_dbm:
                 loudest_dbm = level_dbm

@@ -195,6 +195,17 @@ class NodeHealth(Message, frozen=True, kw_only=True):
     findings: Annotated[tuple[Words, ...], Meta(max_length=16)]
 
 
+class DropAdvice(Message, frozen=True, kw_only=True):
+    """A unit has told its wearer to set a DAP down here: how urgent that is, and why.
+
+    ``boxes_left`` are those that the wearer carries.
+    """
+
+    urgency: Confidence
+    reason: Words
+    boxes_left: Annotated[int, Meta(ge=0, le=1000)]
+
+
 class ImuBatch(Message, frozen=True, kw_only=True):
     """Raw inertial samples, for the record: exactly what the mount was given, ``n`` rows.
 

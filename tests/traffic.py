@@ -16,6 +16,7 @@ from shared.messages import (
     Contact,
     DapEstimate,
     DapInstallation,
+    DropAdvice,
     ExerciseStart,
     FloorShare,
     HeightFix,
@@ -106,6 +107,7 @@ def one_of_each() -> dict[str, Message]:
             **common, kind="fall", phase="alarm", confidence=0.9, reason="impact, then still"
         ),
         "health": NodeHealth(**common, level="warning", findings=("Boot sensor runs slow",)),
+        "advice": DropAdvice(**common, urgency=0.8, reason="at a junction", boxes_left=2),
         "imu": imu_batch(3, with_field=True),
         "rssi": RssiReport(**common, responder_id="r1", rssi_dbm=-61.0),
         "proximity": ProximityEvent(

@@ -13,6 +13,7 @@ from cyclopts import Parameter, validators
 
 from edge_agent.agent import Agent
 from edge_agent.commands.prepare import prepared_mount
+from edge_agent.drop_desk import DropDesk, tell_wearer_to_set_down
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import MethodName, MountName, default_method
 from edge_agent.order_desk import OrderDesk, tell_wearer
@@ -42,6 +43,7 @@ from shared.process import (
 )
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.sender import Sender
 from shared.topics import alive_key, check_id, finished_key
 
 LINGER_POLL_S = 0.2
@@ -73,6 +75,7 @@ def run(
     driven_speed: Annotated[float | None, Parameter(validator=validators.Number(lte=75.0))] = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
+    daps: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=1000))] = 0,
     imu: bool = True,
     journal: JournalFile = None,
     post_id: Annotated[str, Parameter(name="--post")] = "post",
@@ -122,6 +125,8 @@ def run(
         Of a simulated source.
     dominant_direction
         Hold the heading to where the building's corridors lead, which is learnt on the way.
+    daps
+        How many DAPs the wearer carries in: they are told when to set the next one down.
     imu
         Publish the raw samples as well, for the record.
     journal
@@ -144,7 +149,7 @@ def run(
             follower = prepared_mount(
                 mount, method, dominant_direction=dominant_direction, driven_speed_m_s=driven_speed
             )
-        opened = open_source(source, responder_id, seed, mount, bundle)
+        opened = open_source(source, responder_id, seed, mount, bundle, hears_daps=daps > 0)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         dialled = connect or (local_endpoint(bundle),)
         kept = journal_path(journal, incident, "responder", responder_id)
@@ -166,6 +171,7 @@ def run(
             agent = Agent(
                 sender, follower, method or default_method(mount), place, worn=mount,
                 sends_imu=imu, stands_at=known_point, keeps=lambda: outbox.fault is None,
+                drop_desk=_drop_desk(sender, daps),
             )  # fmt: skip
             if outbox.broken_off and outbox.newest(sender.key(TrackStart)) is not None:
                 _log.warning("goes on where it was broken off: the post knows where they stand")
@@ -187,6 +193,11 @@ def run(
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
+
+
+def _drop_desk(sender: Sender, daps: int) -> DropDesk | None:
+    """Return where a wearer with ``daps`` is told to set one down; ``None`` for one without."""
+    return DropDesk(sender, daps, tell_wearer_to_set_down) if daps else None
 
 
 def _order_desk(node: Node, post_id: NodeId, acknowledged: Event, node_time: NodeTime) -> OrderDesk:

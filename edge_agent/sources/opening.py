@@ -27,13 +27,16 @@ def open_source(
     seed: int,
     mount: MountName = "boot",
     bundle: Bundle | None = None,
+    *,
+    hears_daps: bool = False,
 ) -> Source:
     """Open a source by its name, of a sensor worn as ``mount``.
 
     It is ``csv:FILE``, ``npz:FILE``, ``phone:EXPORT``, ``phone-live:HOST:PORT``,
     ``mcap:FILE[#responder]`` or ``simulated:SCENARIO``. A live phone is spoken to by ``bundle``. A
     simulated source has the samples of ``responder_id``, whose sensor is worn as ``mount``, in the
-    exercise of ``seed``, whom they hear, satellite fixes if there are any, and the truth. Raises
+    exercise of ``seed``, whom they hear (DAPs if ``hears_daps``), satellite fixes if there are
+    any, and the truth. Raises
     ``SourceError`` if there is no such kind or the file cannot be used, and
     ``shared.config.ConfigError`` for a scenario that cannot be used.
     """
@@ -46,7 +49,7 @@ def open_source(
     if kind == "simulated":
         from edge_agent.sources.simulated import open_simulated  # noqa: PLC0415
 
-        return open_simulated(where, responder_id, seed, mount)
+        return open_simulated(where, responder_id, seed, mount, hears_daps=hears_daps)
     if kind == "phone-live":
         from edge_agent.sources.phone_server import open_phone  # noqa: PLC0415
 

@@ -7,6 +7,7 @@ from typing import NamedTuple, TypeAlias
 
 import msgspec
 
+from edge_agent.drop_desk import Beacon
 from edge_agent.whereabouts import Cue
 from shared.messages import ImuSample, LocalPosition
 
@@ -24,7 +25,7 @@ class Quiet(NamedTuple):
     time_ns: int
 
 
-Reading: TypeAlias = ImuSample | Cue | TruePlace | Quiet
+Reading: TypeAlias = ImuSample | Cue | Beacon | TruePlace | Quiet
 
 
 class Source(NamedTuple):

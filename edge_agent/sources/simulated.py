@@ -9,7 +9,7 @@ import numpy as np
 
 from edge_agent.sources.reading import Reading, Source, TruePlace
 from edge_agent.sources.recording import SourceError
-from edge_agent.sources.simulated_cues import simulated_cues
+from edge_agent.sources.simulated_cues import simulated_beacons, simulated_cues
 from edge_agent.sources.simulated_wear import (
     refuse_unsimulated,
     simulate_worn,
@@ -26,7 +26,12 @@ START_SD_M = 0.5
 
 
 def open_simulated(
-    scenario_name: str, responder_id: NodeId, seed: int, mount: Mount = "boot"
+    scenario_name: str,
+    responder_id: NodeId,
+    seed: int,
+    mount: Mount = "boot",
+    *,
+    hears_daps: bool = False,
 ) -> Source:
     """Return what the unit of ``responder_id`` reads in the exercise of ``seed``, and the truth.
 
@@ -53,6 +58,7 @@ def open_simulated(
         recording.samples(0),
         truth,
         simulated_cues(scenario, responder_id, seed),
+        simulated_beacons(scenario, responder_id, seed) if hears_daps else (),
         key=lambda reading: reading.time_ns,
     )
     north_m, east_m, down_m, _ = scenario.start_of(responder_id)

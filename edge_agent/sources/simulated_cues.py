@@ -7,12 +7,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from edge_agent.drop_desk import Beacon
 from edge_agent.gnss import GnssReading
 from edge_agent.whereabouts import Cue, Overheard
 from shared.messages import NodeId
 from shared.simulation.chance import generator
 from shared.simulation.gnss import simulate_fixes
+from shared.simulation.installation import is_set_down
 from shared.simulation.meetings import simulate_meetings
+from shared.simulation.radio import RadioChannel
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 from shared.units import NS_PER_S
@@ -25,6 +28,23 @@ def simulated_cues(scenario: Scenario, responder_id: NodeId, seed: int) -> Itera
         _gnss_readings(scenario, responder_id, seed),
         key=lambda cue: cue.time_ns,
     )
+
+
+def simulated_beacons(scenario: Scenario, responder_id: NodeId, seed: int) -> Iterator[Beacon]:
+    """Return the DAPs' signals at the unit of ``responder_id``, by time, as loud as it is there."""
+    return heapq.merge(
+        *(
+            _beacons_of(dap_id, RadioChannel(scenario, dap_id, responder_id, seed))
+            for dap_id in scenario.daps
+            if is_set_down(scenario, dap_id, seed)
+        )
+    )
+
+
+def _beacons_of(dap_id: NodeId, channel: RadioChannel) -> Iterator[Beacon]:
+    time_s, rssi_dbm = channel.readings()
+    for at_s, dbm in zip(time_s.tolist(), rssi_dbm.tolist(), strict=True):
+        yield Beacon(_ns(at_s), dap_id, dbm)
 
 
 def _overheard(scenario: Scenario, responder_id: NodeId, seed: int) -> Iterator[Cue]:

@@ -24,6 +24,7 @@ WIRE_FIELDS = {
     "heading_rad covariance mount activity activity_confidence facing_sd_rad",
     "alarm": "event_time_ns sequence kind phase confidence reason",
     "health": "event_time_ns sequence level findings",
+    "advice": "event_time_ns sequence urgency reason boxes_left",
     "imu": "event_time_ns sequence time_ns force_m_s2 rate_rad_s field_ut "
     "pressure_pa pressure_rows",
     "rssi": "event_time_ns sequence responder_id rssi_dbm",
