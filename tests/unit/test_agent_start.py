@@ -40,7 +40,7 @@ def test_a_source_is_opened_when_the_method_is_ready(monkeypatch: pytest.MonkeyP
         done.append(f"{mount} {method}")
         return BootMount()
 
-    def opened(name: str, *_: object) -> None:
+    def opened(name: str, *_: object, **__: object) -> None:
         done.append(name)
         raise SourceError("no more of it is needed")
 
