@@ -15,6 +15,7 @@ import msgspec
 
 from command_post.alert_desk import AlertDesk, Known
 from command_post.announcer import Announcer, Outgoing
+from command_post.both_ways import BothWays, Side
 from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Doubt
@@ -33,6 +34,7 @@ from shared.messages import (
     AlertRequest,
     Contact,
     DapInstallation,
+    DapPeak,
     HeightFix,
     Message,
     NodeHealth,
@@ -66,8 +68,8 @@ _FUSED = frozenset(
     for name, topic in TOPICS.items()
     if topic.message
     in {
-        TrackStart, OdometryIncrement, ProximityEvent, RssiPeak, Contact, PositionFix, HeightFix,
-        DapInstallation,
+        TrackStart, OdometryIncrement, ProximityEvent, RssiPeak, DapPeak, Contact, PositionFix,
+        HeightFix, DapInstallation,
     }
 )  # fmt: skip
 
@@ -139,6 +141,7 @@ class Incident:
         self._dating = Dating(self._senders)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
+        self._both_ways = BothWays()
         self._doubted: set[tuple[str, Role, str]] = set()
         self._doubts: tuple[Doubt, ...] = ()
         self._announcer = Announcer(settings.incident, settings.post_id)
@@ -194,9 +197,14 @@ class Incident:
         """What was dropped, late, guessed or without effect; see ``TimeLine`` and ``Tracker``.
 
         ``moved_in_time`` are the events of nodes with wrong clocks, ``begun_anew`` the times that
-        the numbers under a key began anew.
+        the numbers under a key began anew, ``told_by_both`` the passes of DAPs that both ends of a
+        link told of.
         """
-        own = Counter(moved_in_time=self._dating.moved_in_time, begun_anew=self._senders.begun_anew)
+        own = Counter(
+            moved_in_time=self._dating.moved_in_time,
+            begun_anew=self._senders.begun_anew,
+            told_by_both=self._both_ways.repeated,
+        )
         return self._time_line.counts + self._tracker.counts + own
 
     def faults(self, role: Role, node_id: str, now_ns: int) -> list[str]:
@@ -411,7 +419,9 @@ class Incident:
             case ProximityEvent() as near:
                 self._tracker.near(node_id, near)
             case RssiPeak() as peak:
-                self._tracker.peak(node_id, peak)
+                self._pass("dap", node_id, peak)
+            case DapPeak() as peak:
+                self._pass("responder", peak.dap_id, _from_the_dap(node_id, peak))
             case Contact() as contact:
                 self._tracker.contact(node_id, contact)
             case PositionFix() as fix:
@@ -420,6 +430,11 @@ class Incident:
                 self._tracker.height_fix(height)
             case DapInstallation() as said:
                 self._tracker.install(node_id, said)
+
+    def _pass(self, side: Side, dap_id: str, peak: RssiPeak) -> None:
+        """Let the tracker have a pass of a DAP, of whichever side tells of it first."""
+        if not self._both_ways.is_told(side, dap_id, peak.responder_id, peak.event_time_ns):
+            self._tracker.peak(dap_id, peak)
 
 
 def _is_ones_own(key: Key, message: Message) -> bool:
@@ -431,6 +446,14 @@ def _is_ones_own(key: Key, message: Message) -> bool:
             return (message.node, message.node_id) == (key.role, key.node_id)
         case _:
             return True
+
+
+def _from_the_dap(responder_id: str, peak: DapPeak) -> RssiPeak:
+    """Return what the DAP would have said of a pass that the responder's unit tells of."""
+    return RssiPeak(
+        event_time_ns=peak.event_time_ns, sequence=peak.sequence, responder_id=responder_id,
+        peak_dbm=peak.peak_dbm, width_s=peak.width_s, sample_count=peak.sample_count,
+    )  # fmt: skip
 
 
 def _is_taken_up(said: DapInstallation) -> bool:

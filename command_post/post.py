@@ -22,6 +22,7 @@ from command_post.company import Company
 from command_post.figures import Figures, by_reason
 from command_post.freshness import NodeWatch
 from command_post.incident import Incident
+from command_post.meanwhile import last_told, telling
 from command_post.metrics import Metrics
 from command_post.orders import OrderRepeats
 from command_post.reception import Reception
@@ -171,8 +172,9 @@ class Post:
             self._gate.remember(kept.state.remembered)
             if kept.state.exercise is not None:
                 self._follow(*kept.state.exercise)
+        told = last_told(recording) if kept is None else []
         since = recording.since(0 if kept is None else kept.position_bytes)
-        resumed = resume(since, self._incident, self._recall)
+        resumed = resume(telling(since, told, self._publish), self._incident, self._recall)
         self._passed_ns = resumed.last_ns or (0 if kept is None else kept.state.last_ns)
         self._incident.take_notices()
         self._recorder.mark_resumed(self._clock.now_ns())

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable
 
 import structlog
 
-from dap_node.hearing import Heard, Hearing, Neighbour, NeighbourWatch
 from dap_node.installation import Installation, Stage, Standing
+from dap_node.neighbours import Neighbour, NeighbourWatch
 from dap_node.proximity import Proximity, ProximityDetector
-from dap_node.scanners.observation import Motion, Observation, RadioScan, Scan, SetDown
+from dap_node.scanners.observation import Motion, Observation, Scan, SetDown
 from dap_node.self_installation import PutDown, SelfInstallation, TakenUp
 from dap_node.settings import DapSettings
 from shared.bus.inbox import Inbox
@@ -35,6 +35,8 @@ from shared.messages import (
     Truth,
     Vector3,
 )
+from shared.radios.hearing import Heard, Hearing
+from shared.radios.readings import RadioScan
 from shared.rssi_peaks import Peak, PeakDetector
 from shared.sender import Outbox, Sender
 from shared.topics import Key, Role, alive_key
@@ -90,7 +92,7 @@ class DapNode:
         self._offset_db = settings.offset_db
         self._proximity = ProximityDetector(settings.proximity)
         self._peaks = PeakDetector(settings.peaks)
-        self._hearing = Hearing(dap_id, stations)
+        self._hearing = Hearing("dap", dap_id, stations)
         self._keep_stations = keep_stations
         self._neighbours = NeighbourWatch()
         self._strangers_told = False

@@ -257,6 +257,22 @@ class RssiPeak(Message, frozen=True, kw_only=True):
     sample_count: Annotated[int, Meta(ge=1, le=100_000)]
 
 
+class DapReading(Message, frozen=True, kw_only=True):
+    """One reading of a DAP's signal strength at a responder's unit."""
+
+    dap_id: NodeId
+    rssi_dbm: PowerDbm
+
+
+class DapPeak(Message, frozen=True, kw_only=True):
+    """A responder passed a DAP, as their unit heard it: what ``RssiPeak`` says, from this side."""
+
+    dap_id: NodeId
+    peak_dbm: PowerDbm
+    width_s: Duration
+    sample_count: Annotated[int, Meta(ge=1, le=100_000)]
+
+
 class Contact(Message, frozen=True, kw_only=True):
     """Two responders met: one's unit heard the other's, loudest at ``event_time_ns``."""
 

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 ANSWER_S = 2.0
-MOST_BYTES = 8192
+MOST_BYTES = 65_536
 MOST_EVENTS = 1000
 """Events that are kept until somebody asks for them."""
 

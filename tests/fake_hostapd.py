@@ -1,4 +1,4 @@
-"""A hostapd to test with: its control interface over a real UNIX socket, without a radio."""
+"""A hostapd and a wpa_supplicant to test with: control interfaces over real UNIX sockets."""
 
 from __future__ import annotations
 
@@ -8,17 +8,13 @@ from pathlib import Path
 from typing import Self
 
 
-class FakeHostapd:
-    """Answers at ``path`` as hostapd does; ``stations`` are its stations' lines, by address."""
+class FakeControl:
+    """Answers at ``path``, and tells those who are attached of events."""
 
     def __init__(self, path: Path) -> None:
-        self.stations: dict[str, dict[str, int]] = {}
         self.asked: list[str] = []
         self.deaf = False
         """Whether it answers nothing, as a program that hangs."""
-
-        self.busy = False
-        """Whether each station sends a packet between two looks at it."""
 
         self._path = path
         self._attached: list[bytes] = []
@@ -55,10 +51,22 @@ class FakeHostapd:
                 self._socket.sendto(self._answer(command).encode(), address)
 
     def _answer(self, command: str) -> str:
+        return "OK\n" if command == "ATTACH" else "UNKNOWN COMMAND\n"
+
+
+class FakeHostapd(FakeControl):
+    """Answers as hostapd does; ``stations`` are its stations' lines, by address."""
+
+    def __init__(self, path: Path) -> None:
+        self.stations: dict[str, dict[str, int]] = {}
+        self.busy = False
+        """Whether each station sends a packet between two looks at it."""
+
+        super().__init__(path)
+
+    def _answer(self, command: str) -> str:
         addresses = list(self.stations)
         match command.split():
-            case ["ATTACH"]:
-                return "OK\n"
             case ["STA-FIRST"]:
                 return self._station(addresses[0]) if addresses else ""
             case ["STA-NEXT", address] if address in addresses:
@@ -67,10 +75,35 @@ class FakeHostapd:
             case ["STA-NEXT", _]:
                 return "FAIL\n"
             case _:
-                return "UNKNOWN COMMAND\n"
+                return super()._answer(command)
 
     def _station(self, address: str) -> str:
         self.stations[address]["rx_packets"] += self.busy
         told = {"flags": "[AUTH][ASSOC]", "aid": 1, **self.stations[address]}
         lines = [address, *(f"{name}={value}" for name, value in told.items())]
         return "".join(f"{line}\n" for line in lines)
+
+
+class FakeWpa(FakeControl):
+    """Answers as wpa_supplicant does; ``link`` is the BSSID it is linked to, and its signal."""
+
+    def __init__(self, path: Path) -> None:
+        self.link: tuple[str, int] | None = None
+        self.found: dict[str, int] = {}
+        super().__init__(path)
+
+    def _answer(self, command: str) -> str:
+        match command:
+            case "STATUS" if self.link is not None:
+                return f"bssid={self.link[0]}\nfreq=2437\nssid=clew=1\nwpa_state=COMPLETED\n"
+            case "STATUS":
+                return "wpa_state=SCANNING\n"
+            case "SIGNAL_POLL" if self.link is not None:
+                return f"RSSI={self.link[1]}\nLINKSPEED=54\nNOISE=9999\nFREQUENCY=2437\n"
+            case "SIGNAL_POLL":
+                return "FAIL\n"
+            case "SCAN_RESULTS":
+                lines = (f"{at}\t2437\t{dbm}\t[ESS]\tclew\n" for at, dbm in self.found.items())
+                return "bssid / frequency / signal level / flags / ssid\n" + "".join(lines)
+            case _:
+                return super()._answer(command)

@@ -16,6 +16,8 @@ from shared.messages import (
     Contact,
     DapEstimate,
     DapInstallation,
+    DapPeak,
+    DapReading,
     DropAdvice,
     ExerciseStart,
     FloorShare,
@@ -119,6 +121,8 @@ def one_of_each() -> dict[str, Message]:
             sample_count=20,
         ),
         "peak": RssiPeak(**common, responder_id="r1", peak_dbm=-43.0, width_s=1.2, sample_count=18),
+        "dap_rssi": DapReading(**common, dap_id="d1", rssi_dbm=-58.0),
+        "dap_peak": DapPeak(**common, dap_id="d1", peak_dbm=-44.0, width_s=1.4, sample_count=11),
         "neighbour": NeighbourHeard(
             **common, dap_id="d2", rssi_mean_dbm=-63.0, rssi_variance_db2=2.0, sample_count=25
         ),

@@ -28,6 +28,7 @@ from command_post.proof.trial import (
     try_out,
 )
 from command_post.rehearsal import RehearsalError
+from shared.messages import Mount
 from shared.process import ExitCode
 from shared.walk_by import calibration_db, read_walk_by
 
@@ -50,6 +51,7 @@ def boots(
     heading_sd: HeadingSd = 30.0,
     seed: Seed = 0,
     runs: Positive = 1,
+    mount: Mount = "boot",
     method: str | None = None,
     fusion: FusionMethod = "team",
     json: bool = False,
@@ -62,7 +64,7 @@ def boots(
     Parameters
     ----------
     paths
-        Recordings of boots with true stances (.npz), and folders of them.
+        Recordings with true stances or places (.npz), and folders of them.
     spacing
         A DAP for every so many metres of the way.
     heading_sd
@@ -71,8 +73,10 @@ def boots(
         Of what chance decides in the first run: DAPs, radio, headings.
     runs
         Of each recording; each next one's seed is one higher.
+    mount
+        How the sensors were worn.
     method
-        How the agents read their boots: eskf or linear; the agents' own default if not given.
+        How the agents read them; the agents' own default for the mount if not given.
     fusion
         How tracks are made.
     json
@@ -81,12 +85,12 @@ def boots(
     """
     try:
         with tempfile.TemporaryDirectory(prefix="clew-proof-") as folder:
-            logs = retrace(paths, method, Path(folder))
+            logs = retrace(paths, mount, method, Path(folder))
     except (RehearsalError, OSError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE
     if not logs:
-        _log.error("no recording with true stances; give one")
+        _log.error("no recording with true stances or places; give one")
         return ExitCode.USAGE
     trials = (
         boot_trial(log, spacing, heading_sd, each)

@@ -1,4 +1,4 @@
-"""Real boots: recordings read by the agent, past DAPs that are simulated along the true way."""
+"""Real boots and belts: recordings read by the agent, past DAPs simulated along the true way."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from shared.bus.wire_log import read_wire_log
 from shared.codec import Refusal, decode, parse_key
 from shared.exercise import REHEARSAL_START_NS
 from shared.maths.angles import wrap_rad
-from shared.messages import LocalPosition, OdometryIncrement, TrackStart, Truth
+from shared.messages import LocalPosition, Mount, OdometryIncrement, TrackStart, Truth
 from shared.rssi_peaks import PeakSettings
 from shared.simulation.chance import generator
 from shared.simulation.plan import Floor, Plan
@@ -49,9 +49,9 @@ class BootLog(NamedTuple):
     truth_m: Floats
 
 
-def retrace(paths: list[str], method: str | None, folder: Path) -> list[BootLog]:
-    """Let the agent read the recordings at ``paths``. Raises ``RehearsalError``."""
-    options = () if method is None else ("--method", method)
+def retrace(paths: list[str], mount: Mount, method: str | None, folder: Path) -> list[BootLog]:
+    """Let the agent read the recordings of a ``mount`` at ``paths``. Raises ``RehearsalError``."""
+    options = ("--mount", mount, *(() if method is None else ("--method", method)))
     with Children(folder, STOP_GRACE_S) as children:
         arguments = ("retrace", *paths, "--output", str(folder), "--with-parent", *options)
         children.start("edge_agent", "edge_agent", arguments)

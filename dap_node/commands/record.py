@@ -9,11 +9,12 @@ import structlog
 from cyclopts import Parameter, validators
 
 from dap_node.scanners.dump import as_lines, only_known
-from dap_node.scanners.live import SCAN_RATE_HZ, live_observations
-from dap_node.scanners.observation import RadioScan
-from dap_node.scanners.opening import open_live
+from dap_node.scanners.live import live_observations
 from shared.clock import SystemClock
 from shared.process import ExitCode, stop_on_signals
+from shared.radios.live import SCAN_RATE_HZ
+from shared.radios.opening import open_radios
+from shared.radios.readings import RadioScan
 from shared.stations import Stations, read_stations
 from shared.units import NS_PER_S
 
@@ -56,7 +57,7 @@ def record(
         if (stations is None) is not everybody:
             raise ValueError("give --stations FILE, or --everybody to write strangers' radios too")
         known = None if stations is None else Stations(read_stations(stations))
-        sources = open_live(source, scan_rate)
+        sources = open_radios(source, "--source", rate_hz=scan_rate)
         with stop_on_signals() as stop, output.open("xb") as file:
             clock = SystemClock()
             until_ns = None if seconds is None else clock.now_ns() + round(seconds * NS_PER_S)

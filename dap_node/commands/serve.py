@@ -14,9 +14,9 @@ from cyclopts import Parameter, validators
 from dap_node.kept_standing import KeptStanding
 from dap_node.node import DapNode
 from dap_node.scanners.accelerometer import IioAccelerometer
-from dap_node.scanners.live import SCAN_RATE_HZ, LiveSource, live_observations
-from dap_node.scanners.observation import Observation, SetDown
-from dap_node.scanners.opening import Playable, open_live, open_played
+from dap_node.scanners.live import live_observations
+from dap_node.scanners.observation import Motion, Observation, SetDown
+from dap_node.scanners.opening import PLAYED, Playable, open_played
 from dap_node.self_installation import SelfInstallation
 from dap_node.settings import DapSettings
 from shared.bus.interface import Bus
@@ -41,6 +41,9 @@ from shared.process import (
     stop_with_parent,
     wait_until,
 )
+from shared.radios.live import SCAN_RATE_HZ, LiveSource
+from shared.radios.opening import open_radios
+from shared.radios.readings import RadioScan
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.stations import read_stations
@@ -177,10 +180,10 @@ def run(
 
 def _open_source(
     names: Sequence[str], dap_id: NodeId, seed: int, rate_hz: float
-) -> Playable | list[LiveSource]:
+) -> Playable | list[LiveSource[RadioScan | Motion]]:
     """Return what ``--source`` names; ``ValueError`` if it cannot be used."""
     played = open_played(names[0], dap_id, seed) if len(names) == 1 else None
-    return played or open_live(names, rate_hz)
+    return played or [*open_radios(names, "--source", PLAYED, rate_hz)]
 
 
 def _said_before(node: Node) -> bytes | None:

@@ -13,9 +13,10 @@ from threading import Event
 
 import structlog
 
-from dap_node.scanners.live import TRY_AGAIN_S, Deliver
-from dap_node.scanners.observation import Motion, ScannerError
+from dap_node.scanners.observation import Motion
 from shared.messages import Vector3
+from shared.radios.live import TRY_AGAIN_S
+from shared.radios.readings import ScannerError
 
 DEVICES = Path("/sys/bus/iio/devices")
 RATE_HZ = 25.0
@@ -47,7 +48,9 @@ class IioAccelerometer:
         """What the command line calls it."""
         return self._name
 
-    def listen(self, deliver: Deliver, now_ns: Callable[[], int], stop: Event) -> None:
+    def listen(
+        self, deliver: Callable[[Motion], None], now_ns: Callable[[], int], stop: Event
+    ) -> None:
         """Deliver what it reads, a few samples at once, until ``stop`` is set."""
         gathered: list[tuple[int, Vector3]] = []
         is_away = False

@@ -17,9 +17,9 @@ import msgspec
 import structlog
 from msgspec import Meta
 
-from dap_node.scanners.observation import RadioScan, Reading, ScannerError
-from dap_node.scanners.station_counters import NS_PER_MS
 from shared.messages import PowerDbm, TimeNs
+from shared.radios.readings import RadioScan, Reading, ScannerError
+from shared.radios.station_counters import NS_PER_MS
 from shared.stations import Stations, parse_address
 
 EMPTY_SCAN_NS = 250_000_000

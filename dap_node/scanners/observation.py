@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
 
-from shared.messages import LocalPosition, NodeId, StationAddress, Vector3
-
-
-class ScannerError(ValueError):
-    """A source cannot be used. The text names it, what is wrong, and what to do."""
+from shared.messages import LocalPosition, NodeId, Vector3
+from shared.radios.readings import RadioScan
 
 
 class Scan(NamedTuple):
@@ -20,33 +17,6 @@ class Scan(NamedTuple):
 
     time_ns: int
     rssi_dbm: Mapping[NodeId, float]
-
-
-class Reading(NamedTuple):
-    """The signal strength of a radio, and how long before the scan it was heard.
-
-    ``average_dbm`` is the driver's running mean, ``chains_dbm`` is what each antenna heard, where
-    the driver tells them. ``aliases`` are what else the radio calls itself.
-    """
-
-    address: StationAddress
-    rssi_dbm: float
-    age_ns: int = 0
-    average_dbm: float | None = None
-    chains_dbm: tuple[float, ...] = ()
-    aliases: tuple[StationAddress, ...] = ()
-
-    @property
-    def names(self) -> tuple[StationAddress, ...]:
-        """All that the radio calls itself."""
-        return (self.address, *self.aliases)
-
-
-class RadioScan(NamedTuple):
-    """One look at all stations by their addresses: whose they are is for the table to say."""
-
-    time_ns: int
-    readings: tuple[Reading, ...]
 
 
 class Motion(NamedTuple):

@@ -1,4 +1,4 @@
-"""Sources by their name on the command line: ``KIND:WHERE``.
+"""Sources that are played, by their name on the command line: ``KIND:WHERE``.
 
 A kind's module is imported when one is opened: a DAP that listens to a radio has no use for what
 simulating takes, nor room for it.
@@ -6,20 +6,14 @@ simulating takes, nor room for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from dap_node.scanners.live import SCAN_RATE_HZ, LiveSource, PolledSource
-from dap_node.scanners.observation import Observation, ScannerError
+from dap_node.scanners.observation import Observation
 from shared.messages import NodeId
 
-LIVE, PLAYED = ("nl80211", "hostapd", "ble"), ("recorded", "simulated")
-FORMS = (
-    "nl80211:INTERFACE, hostapd:SOCKET, ble:ADAPTER, recorded:FILE or simulated:SCENARIO, as in "
-    "nl80211:wlan0"
-)
+PLAYED = ("recorded:FILE", "simulated:SCENARIO")
 
 
 @runtime_checkable
@@ -35,7 +29,9 @@ def open_played(name: str, dap_id: NodeId, seed: int) -> Playable | None:
 
     Raises ``ScannerError`` for a file that cannot be used, ``ValueError`` for a scenario.
     """
-    kind, where = _taken_apart(name)
+    kind, _, where = name.partition(":")
+    if not where:
+        return None
     if kind == "recorded":
         from dap_node.scanners.recorded import RecordedScanner  # noqa: PLC0415
 
@@ -46,35 +42,3 @@ def open_played(name: str, dap_id: NodeId, seed: int) -> Playable | None:
 
         return SimulatedScanner(load_scenario(where), dap_id, seed)
     return None
-
-
-def open_live(names: Sequence[str], rate_hz: float = SCAN_RATE_HZ) -> list[LiveSource]:
-    """Open ``nl80211:INTERFACE``, ``hostapd:SOCKET`` and ``ble:ADAPTER``, as many as are named.
-
-    ``rate_hz``: how often a Wi-Fi radio is asked. Raises ``ScannerError`` for what is not there.
-    """
-    return [_open_live(name, rate_hz) for name in names]
-
-
-def _open_live(name: str, rate_hz: float) -> LiveSource:
-    kind, where = _taken_apart(name)
-    if kind == "nl80211":
-        from dap_node.scanners.nl80211 import Nl80211Radio  # noqa: PLC0415
-
-        return PolledSource(name, partial(Nl80211Radio, where), rate_hz)
-    if kind == "hostapd":
-        from dap_node.scanners.hostapd import HostapdRadio  # noqa: PLC0415
-
-        return PolledSource(name, partial(HostapdRadio, Path(where)), rate_hz)
-    if kind == "ble":
-        from dap_node.scanners.ble import BleSource, open_bluetooth  # noqa: PLC0415
-
-        return BleSource(name, open_bluetooth(where), rate_hz)
-    raise ScannerError(f"{name}: only one source can be given, unless all are radios")
-
-
-def _taken_apart(name: str) -> tuple[str, str]:
-    kind, _, where = name.partition(":")
-    if not where or kind not in LIVE + PLAYED:
-        raise ScannerError(f"--source {name!r}: write {FORMS}")
-    return kind, where

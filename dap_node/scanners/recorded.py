@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dap_node.scanners.dump import EMPTY_SCAN_NS, played, read_dump
-from dap_node.scanners.observation import Observation, RadioScan
+from dap_node.scanners.observation import Observation
+from shared.radios.readings import RadioScan
 
 EMPTY_SCANS = 20
 """Scanning goes on for so many empty scans, five seconds, so that every stay is seen to end."""

@@ -18,6 +18,7 @@ from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import MethodName, MountName, default_method
 from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
+from edge_agent.radio_desk import RadioDesk
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
@@ -29,6 +30,7 @@ from shared.files import FileHeldError
 from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.journal_place import JournalFile, journal_path
+from shared.kept_stations import KeptStations
 from shared.messages import LocalPosition, NodeId, TrackStart
 from shared.node import Node
 from shared.node_time import NodeTime
@@ -41,6 +43,7 @@ from shared.process import (
     stop_with_parent,
     wait_until,
 )
+from shared.radios.opening import open_radios
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.sender import Sender
@@ -77,6 +80,8 @@ def run(
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     daps: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=1000))] = 0,
     imu: bool = True,
+    radio: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
+    radio_offset: Annotated[float, Parameter(validator=validators.Number(gte=-60, lte=60))] = 0.0,
     journal: JournalFile = None,
     post_id: Annotated[str, Parameter(name="--post")] = "post",
     await_start: bool = False,
@@ -129,6 +134,11 @@ def run(
         How many DAPs the wearer carries in: they are told when to set the next one down.
     imu
         Publish the raw samples as well, for the record.
+    radio
+        The unit's own radio, that hears DAPs and other units: wpa:SOCKET, nl80211:INTERFACE or
+        ble:ADAPTER, as many as there are, one an option. Posts tell whose radios are whose.
+    radio_offset
+        Decibels added to what it hears, which bring a DAP at a clear metre to -40 dBm.
     journal
         File that keeps what is said until the post has it; by default one of this responder's in
         the incident, among what programs keep for the user.
@@ -151,6 +161,7 @@ def run(
             )
         opened = open_source(source, responder_id, seed, mount, bundle, hears_daps=daps > 0)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
+        radios = open_radios(radio, "--radio")
         dialled = connect or (local_endpoint(bundle),)
         kept = journal_path(journal, incident, "responder", responder_id)
         with (
@@ -181,6 +192,7 @@ def run(
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement),
                 _order_desk(node, check_id(post_id, "--post"), acknowledged, node_time),
+                RadioDesk(node, radios, KeptStations(kept), radio_offset),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
                 if await_start:

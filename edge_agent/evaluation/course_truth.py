@@ -11,6 +11,8 @@ from edge_agent.evaluation.truth import Array, Truth
 from edge_agent.evaluation.vehicle_mountings import Slip
 from edge_agent.sources.recording import Recording
 
+ARRIVED_S = 2.0
+
 
 @dataclass(frozen=True)
 class StepCount:
@@ -52,6 +54,23 @@ class DrivenSpeed:
 
     time_s: Array
     speed_m_s: Array
+
+
+def out_and_back(truth: StepCount) -> Waypoints | None:
+    """Return where who walked ``distance_m``, out and back, landed; ``None`` if it is not known.
+
+    Every step is taken to be as long as the others, and the middle one to turn; steps in the later
+    half after a rest of ``ARRIVED_S`` are of who has arrived and turns about.
+    """
+    if truth.distance_m is None or not truth.steps:
+        return None
+    rested = np.diff(truth.time_s) > ARRIVED_S
+    rested[: len(rested) // 2] = False
+    arrived = int(np.argmax(rested)) if rested.any() else len(truth.time_s) - 1
+    steps = truth.count - truth.count[0]
+    gone_m = truth.distance_m * np.minimum(steps / steps[arrived], 1.0)
+    north_m = 0.5 * truth.distance_m - np.abs(0.5 * truth.distance_m - gone_m)
+    return Waypoints(truth.time_s, np.column_stack((north_m, np.zeros(len(north_m)))), truth)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD, Heading, Magneti
 from edge_agent.inertial.landings import Landing, LandingDetector, LandingSettings
 from edge_agent.inertial.pendulum_step import PendulumSteps
 from edge_agent.inertial.step_detection import Step
+from edge_agent.inertial.straight_walk import StraightWalk
 from edge_agent.inertial.stride_error import heading_variance, lost_covariance
 from edge_agent.inertial.trunk_attitude import TrunkAttitude
 from edge_agent.inertial.walking_direction import WalkingDirection, heading_of_mean
@@ -65,12 +66,13 @@ class _Moment(NamedTuple):
 class _Step(NamedTuple):
     """A step whose direction may not be known yet, and some attitudes of its, the last at its end.
 
-    ``turn_rad2`` is the variance of the turn since the step before.
+    ``turn_rad2`` is the variance of the turn in the ``since_s`` since the step before ended.
     """
 
     step: Step
     length_m: float
     nav_from_sensor: list[Quaternion]
+    since_s: float
     turn_rad2: float
 
 
@@ -86,6 +88,8 @@ class WaistMount:
         self._ahead = WalkingDirection(EVEN_RATE_HZ)
         self._compass = MagneticHeading()
         self._frame: Heading | None = None
+        self._frame_turn_rad = 0.0
+        self._straight: StraightWalk | None = None
         self._landings = LandingDetector(EVEN_RATE_HZ, self._settings)
         self._bounce = LowPass(BOUNCE_CUTOFF_HZ, EVEN_RATE_HZ)
         self._lengths = PendulumSteps()
@@ -209,7 +213,11 @@ class WaistMount:
         step = Step(started_ns, landing.time_ns, 0.0, 0.0)
         length_m = self._lengths.length_m(lasted_s, [moment.up_m_s2 for moment in passed])
         attitudes = [moment.nav_from_sensor for moment in passed[::-ATTITUDE_EVERY]][::-1]
-        self._waiting.append(_Step(step, length_m, attitudes, self._turn_variance(landing.time_ns)))
+        since_ns = started_ns if self._told_ns is None else self._told_ns
+        since_s = (landing.time_ns - since_ns) / NS_PER_S
+        self._waiting.append(
+            _Step(step, length_m, attitudes, since_s, self._turn_variance(since_s))
+        )
         self._told_ns, self._gap_s = landing.time_ns, 0.0
         if self._ahead.steps >= KNOWN_AFTER_STEPS:
             self._tell_waiting()
@@ -225,9 +233,10 @@ class WaistMount:
         course_rad = heading_of_mean(ahead)
         if self._frame is None:
             self._frame = self._frame_by(course_rad)
-            self._heading_rad = wrap_rad(heading_of_mean(ahead[-1:]) + self._frame.heading_rad)
-        course_rad = wrap_rad(course_rad + self._frame.heading_rad)
-        heading_rad = wrap_rad(heading_of_mean(ahead[-1:]) + self._frame.heading_rad)
+            self._frame_turn_rad = self._frame.heading_rad
+            self._heading_rad = wrap_rad(heading_of_mean(ahead[-1:]) + self._frame_turn_rad)
+        course_rad = self._corrected(waiting, wrap_rad(course_rad + self._frame_turn_rad))
+        heading_rad = wrap_rad(heading_of_mean(ahead[-1:]) + self._frame_turn_rad)
         d_heading_rad = wrap_rad(heading_rad - self._heading_rad)
         self._heading_rad = heading_rad
         direction = Direction(
@@ -235,9 +244,16 @@ class WaistMount:
         )
         return step_ahead(waiting.step, waiting.length_m, direction)
 
-    def _turn_variance(self, now_ns: int) -> float:
-        """Return the variance of what the gyro tells of the turn since the last step told."""
-        elapsed_s = 0.0 if self._told_ns is None else (now_ns - self._told_ns) / NS_PER_S
+    def _corrected(self, waiting: _Step, course_rad: float) -> float:
+        """Return the course of a step without what the gyro is found to have drifted."""
+        if self._straight is None:
+            self._straight = StraightWalk(self._attitude.bias.sd_rad_s)
+        told = self._straight.take(course_rad, waiting.since_s, waiting.turn_rad2, waiting.length_m)
+        self._frame_turn_rad = wrap_rad(self._frame_turn_rad + told.turn_rad)
+        return wrap_rad(course_rad + told.turn_rad)
+
+    def _turn_variance(self, elapsed_s: float) -> float:
+        """Return the variance of what the gyro tells of a turn."""
         drifted_rad = self._attitude.bias.sd_rad_s * elapsed_s
         return drifted_rad**2 + heading_variance(elapsed_s, self._gap_s, bias_known=True)
 

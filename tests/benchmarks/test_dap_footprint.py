@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from dap_node.scanners.nl80211_stations import polled_station
-from dap_node.scanners.station_counters import StationCounters
 from shared.bus.interface import Received
 from shared.bus.zenoh_bus import open_zenoh
+from shared.radios.nl80211_stations import polled_station
+from shared.radios.station_counters import StationCounters
 from tests.fake_hostapd import FakeHostapd
 from tests.issued_keys import Keys
 from tests.netlink_answers import station

@@ -10,7 +10,7 @@ import pytest
 
 from dap_node.commands.serve import Company, follow
 from dap_node.node import DapNode
-from dap_node.scanners.observation import Motion, RadioScan, Reading, Scan, SetDown
+from dap_node.scanners.observation import Motion, Scan, SetDown
 from dap_node.self_installation import SelfInstallation
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryBus, MemoryNetwork
@@ -28,6 +28,7 @@ from shared.messages import (
     StationTable,
     Truth,
 )
+from shared.radios.readings import RadioScan, Reading
 from shared.topics import alive_key, everything_of
 from shared.units import NS_PER_S
 

@@ -14,12 +14,12 @@ from cyclopts import App
 from command_post.__main__ import app as post_app
 from command_post.commands import orders
 from dap_node.node import DapNode
-from dap_node.scanners.observation import RadioScan
 from edge_agent.__main__ import app as agent_app
 from shared.bus.zenoh_bus import open_zenoh
 from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.process import ExitCode
+from shared.radios.readings import RadioScan
 from shared.sender import Unkept
 from shared.topics import alive_key
 from tests.issued_keys import Keys

@@ -31,6 +31,8 @@ WIRE_FIELDS = {
     "proximity": "event_time_ns sequence responder_id phase rssi_mean_dbm rssi_variance_db2 "
     "sample_count",
     "peak": "event_time_ns sequence responder_id peak_dbm width_s sample_count",
+    "dap_rssi": "event_time_ns sequence dap_id rssi_dbm",
+    "dap_peak": "event_time_ns sequence dap_id peak_dbm width_s sample_count",
     "neighbour": "event_time_ns sequence dap_id rssi_mean_dbm rssi_variance_db2 sample_count",
     "contact": "event_time_ns sequence other_id peak_dbm width_s sample_count",
     "fix": "event_time_ns sequence responder_id source position",

@@ -10,8 +10,9 @@ from structlog.testing import capture_logs
 
 from dap_node.scanners import accelerometer
 from dap_node.scanners.accelerometer import SAMPLES_AT_ONCE, IioAccelerometer
-from dap_node.scanners.observation import Motion, RadioScan, ScannerError
+from dap_node.scanners.observation import Motion
 from shared.clock import SystemClock
+from shared.radios.readings import RadioScan, ScannerError
 from tests.waiting import DEADLINE_S, wait_for
 
 

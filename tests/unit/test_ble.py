@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
-from dap_node.hearing import Hearing
-from dap_node.scanners import ble
-from dap_node.scanners.ble import BleSource, Bluetooth, Heed, open_bluetooth
-from dap_node.scanners.ble_advertisements import APPLE, reading_of
-from dap_node.scanners.observation import RadioScan, Reading, ScannerError
 from shared.clock import SystemClock
 from shared.messages import StationTable
+from shared.radios import ble
+from shared.radios.ble import BleSource, Bluetooth, Heed, open_bluetooth
+from shared.radios.ble_advertisements import APPLE, reading_of
+from shared.radios.hearing import Hearing
+from shared.radios.readings import RadioScan, Reading, ScannerError
 from tests.waiting import DEADLINE_S, wait_for
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def test_no_manufacturers_data_is_taken_amiss(data: bytes) -> None:
 
 def test_the_table_may_list_any_of_the_names() -> None:
     table = StationTable(event_time_ns=0, sequence=0, responders=((f"{OWN}/258/7", "r1"),), daps=())
-    hearing = Hearing("dap1", table)
+    hearing = Hearing("dap", "dap1", table)
     reading = Reading(A, -61.0, aliases=(OWN, f"{OWN}/258/7"))
     (heard,) = hearing.sort_out(RadioScan(5, (reading,)))
     assert heard == (5, "responder", "r1", -61.0)

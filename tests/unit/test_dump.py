@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
 from dap_node.scanners.dump import EMPTY_SCAN_NS, as_lines, only_known, played, read_dump
-from dap_node.scanners.observation import RadioScan, Reading, ScannerError
 from dap_node.scanners.recorded import RecordedScanner
 from shared.messages import StationTable
+from shared.radios.readings import RadioScan, Reading, ScannerError
 from shared.stations import Stations
 from shared.units import NS_PER_S
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from dap_node.scanners.hostapd import HostapdRadio
-from dap_node.scanners.hostapd_stations import polled_station
-from dap_node.scanners.observation import ScannerError
-from dap_node.scanners.station_counters import Polled
 from shared import wpa_control
+from shared.radios.hostapd import HostapdRadio
+from shared.radios.hostapd_stations import polled_station
+from shared.radios.readings import ScannerError
+from shared.radios.station_counters import Polled
 from shared.wpa_control import ControlSocket
 from tests.fake_hostapd import FakeHostapd
 from tests.waiting import wait_for

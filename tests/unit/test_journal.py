@@ -16,6 +16,7 @@ from structlog.testing import capture_logs
 from shared.files import FileHeldError
 from shared.journal import KEPT_NS, ForeignFileError, Journal, JournalError
 from shared.seal import RUN_BYTES
+from tests.faults.torn import SAID_BEFORE, Torture
 
 KEY = "clew/v1/fire/responder/r1/increment"
 
@@ -212,35 +213,14 @@ def test_a_disk_that_cannot_be_written_is_told(tmp_path: Path) -> None:
         Journal(tmp_path / "folder")
 
 
-def killed(tmp_path: Path, count: int) -> tuple[bytes, bytes, bytes]:
-    """Return run, file and log of changes of a journal whose process was killed."""
-    path = tmp_path / "killed"
-    with opened(path) as journal:
-        for _ in range(count):
-            journal.append(KEY, said)
-        return journal.run, path.read_bytes(), Path(f"{path}-wal").read_bytes()
-
-
 def test_a_power_cut_at_any_byte_takes_the_unfinished_message_at_most(tmp_path: Path) -> None:
-    run, main, before = killed(tmp_path, 12)
-    shutil.rmtree(tmp_path)
-    tmp_path.mkdir()
-    path, wal = tmp_path / "r1", tmp_path / "r1-wal"
-    path.write_bytes(main)
-    wal.write_bytes(before)
-    with opened(path) as journal:
-        assert journal.append(KEY, said) == said(run, 13)
-        main, after = path.read_bytes(), wal.read_bytes()
-    frame = len(after) - len(before) if len(after) > len(before) else len(after)
-    cuts = sorted({len(after) - frame + at for at in range(0, frame, 97)} | {len(after) - 1})
-    for cut in cuts:
-        path.write_bytes(main)
-        wal.write_bytes(after[:cut])
-        with capture_logs() as logs, opened(path) as journal:
-            assert journal.run == run
-            assert numbers(journal)[:12] == list(range(1, 13))
-            assert journal.holding().last_number in {12, 13}
-            assert "was not closed" in logs[0]["event"]
+    # Every byte: python -m tests.faults.torn.
+    torture = Torture(tmp_path)
+    appended = torture.wrong(torture.appends(97), SAID_BEFORE)
+    written_back = torture.wrong(torture.writes_back(397), SAID_BEFORE + 1)
+    for found in (appended, written_back):
+        assert found["cuts"] > 20
+        assert +found == {"cuts": found["cuts"]}
 
 
 @pytest.mark.parametrize("at_pct", [0, 10, 40, 70])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from threading import Event, Thread
@@ -12,12 +12,14 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 
-from dap_node.scanners.live import Deliver, LiveSource, PolledSource, live_observations
-from dap_node.scanners.nl80211 import Netlink, Nl80211Radio
-from dap_node.scanners.observation import RadioScan, Reading, ScannerError
-from dap_node.scanners.opening import open_live, open_played
-from dap_node.scanners.station_counters import Polled
+from dap_node.scanners.live import live_observations
+from dap_node.scanners.opening import PLAYED, open_played
 from shared.clock import ManualClock, SystemClock
+from shared.radios.live import LiveSource, PolledSource
+from shared.radios.nl80211 import Netlink, Nl80211Radio
+from shared.radios.opening import open_radios
+from shared.radios.readings import RadioScan, Reading, ScannerError
+from shared.radios.station_counters import Polled
 from tests.netlink_answers import station
 from tests.waiting import DEADLINE_S, wait_for
 
@@ -92,7 +94,7 @@ class Script:
         self.scans = scans
         self.fault = fault
 
-    def listen(self, deliver: Deliver, *_: object) -> None:
+    def listen(self, deliver: Callable[[RadioScan], None], *_: object) -> None:
         """Deliver all of it."""
         for scan in self.scans:
             deliver(scan)
@@ -100,7 +102,7 @@ class Script:
             raise self.fault
 
 
-def observations(*sources: LiveSource) -> Iterator[Any]:
+def observations(*sources: LiveSource[RadioScan]) -> Iterator[Any]:
     return live_observations(sources, ManualClock(3), Event())
 
 
@@ -186,12 +188,12 @@ def test_what_the_kernel_refuses_is_told_in_words(code: int, words: str) -> None
         ("hostapd:/nowhere/wlan0", "no hostapd answers"),
         ("wlan0", "write nl80211:INTERFACE"),
         ("nl80211:", "write nl80211:INTERFACE"),
-        ("simulated:course", "only one source"),
+        ("simulated:course", "give no other beside it"),
     ],
 )
 def test_sources_that_cannot_be_opened_are_told(name: str, complaint: str) -> None:
     with pytest.raises(ScannerError, match=complaint):
-        open_live([name, name])
+        open_radios([name, name], "--source", PLAYED)
 
 
 def test_a_dump_that_is_not_there_is_told(tmp_path: Path) -> None:

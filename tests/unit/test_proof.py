@@ -124,3 +124,14 @@ def test_the_agent_retraces_a_recording_with_its_truth(data_dir: Path, tmp_path:
     keys = [frame.key for frame in read_wire_log(log)]
     assert sum(key.endswith(f"/{RESPONDER}/truth") for key in keys) == 9
     assert sum(key.endswith(f"/{RESPONDER}/increment") for key in keys) >= 7
+
+
+def test_the_agent_retraces_a_belt_along_its_course(data_dir: Path, tmp_path: Path) -> None:
+    recording = data_dir / "waist_20m" / "10-1.npz"
+    if not recording.is_file():
+        pytest.skip("no waist_20m among the real recordings")
+    assert retrace([str(recording)], output=tmp_path, mount="waist") == ExitCode.OK
+    (log,) = tmp_path.glob("*.wire")
+    keys = [frame.key for frame in read_wire_log(log)]
+    assert sum(key.endswith(f"/{RESPONDER}/truth") for key in keys) == 34
+    assert 30 <= sum(key.endswith(f"/{RESPONDER}/increment") for key in keys) <= 36

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dap_node.scanners.nl80211_stations import polled_station
-from dap_node.scanners.observation import Reading
-from dap_node.scanners.station_counters import Polled, StationCounters
+from shared.radios.nl80211_stations import polled_station
+from shared.radios.readings import Reading
+from shared.radios.station_counters import Polled, StationCounters
 from tests.netlink_answers import IFINDEX, attribute, message, station
 
 nl80211 = pytest.importorskip("pyroute2.netlink.nl80211", reason="pyroute2 is for Linux")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edge_agent.evaluation.course_truth import StepCount, Waypoints
+from edge_agent.evaluation.course_truth import StepCount, Waypoints, out_and_back
 from edge_agent.evaluation.estimate import estimated_path
 from edge_agent.evaluation.waist_score import score_waist, worst_m
 from edge_agent.inertial.step_detection import Step
@@ -82,3 +82,11 @@ def test_flights_are_told_in_time_though_samples_are_lost(tmp_path: Path) -> Non
     assert isinstance(truth, StepCount)
     np.testing.assert_allclose(truth.time_s, [0.0, 0.5, 4.5, 9.5])
     assert truth.distance_m == 20.0
+
+
+def test_steps_of_a_course_lead_out_and_back_until_the_wearer_has_arrived() -> None:
+    truth = out_and_back(counted([1.0, 2.0, 3.0, 4.0, 9.0, 9.5], 20.0))
+    assert truth is not None
+    np.testing.assert_allclose(truth.position_m[:, 0], [0.0, 5.0, 10.0, 5.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(truth.position_m[:, 1], 0.0)
+    assert out_and_back(counted([1.0, 2.0])) is None

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from uuid import UUID
 
-from dap_node.scanners.observation import Reading
 from shared.messages import StationAddress
+from shared.radios.readings import Reading
 from shared.stations import parse_address
 
 APPLE = 0x004C

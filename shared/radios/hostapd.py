@@ -7,10 +7,10 @@ from pathlib import Path
 
 import structlog
 
-from dap_node.scanners.hostapd_stations import polled_station
-from dap_node.scanners.observation import ScannerError
-from dap_node.scanners.station_counters import Polled
 from shared.messages import StationAddress
+from shared.radios.hostapd_stations import polled_station
+from shared.radios.readings import ScannerError
+from shared.radios.station_counters import Polled
 from shared.wpa_control import ControlSocket
 
 ENDED = ("CTRL-EVENT-TERMINATING", "AP-DISABLED", "INTERFACE-DISABLED")

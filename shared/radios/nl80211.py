@@ -11,9 +11,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple, Protocol
 
-from dap_node.scanners.nl80211_stations import Attributes, polled_station
-from dap_node.scanners.observation import ScannerError
-from dap_node.scanners.station_counters import Polled
+from shared.radios.nl80211_stations import Attributes, polled_station
+from shared.radios.readings import ScannerError
+from shared.radios.station_counters import Polled
 
 INTERFACES = Path("/sys/class/net")
 MOST_TRIES = 3

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from dap_node.scanners.station_counters import Polled, known_dbm
+from shared.radios.station_counters import Polled, known_dbm
 from shared.stations import parse_address
 
 

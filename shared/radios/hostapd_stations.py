@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from dap_node.scanners.station_counters import Polled, known_dbm
+from shared.radios.station_counters import Polled, known_dbm
 from shared.stations import parse_address
 
 COUNTED = ("rx_packets", "rx_bytes")

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from dap_node.scanners.observation import Reading
 from shared.messages import StationAddress
+from shared.radios.readings import Reading
 
 NS_PER_MS = 1_000_000
 

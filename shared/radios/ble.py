@@ -12,11 +12,13 @@ from typing import Any, NamedTuple, TypeAlias
 
 import structlog
 
-from dap_node.scanners.ble_advertisements import reading_of
-from dap_node.scanners.live import SCAN_RATE_HZ, TRY_AGAIN_S, Deliver
-from dap_node.scanners.observation import RadioScan, Reading, ScannerError
+from shared.radios.ble_advertisements import reading_of
+from shared.radios.live import SCAN_RATE_HZ, TRY_AGAIN_S
+from shared.radios.readings import RadioScan, Reading, ScannerError
 
 ADAPTERS = Path("/sys/class/bluetooth")
+
+Deliver: TypeAlias = Callable[[RadioScan], None]
 
 Heed: TypeAlias = Callable[[Any, Any], None]
 """Is given a device and its advertisement, as bleak has them."""

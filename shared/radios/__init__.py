@@ -1,0 +1,1 @@
+"""Radios that are heard: of a DAP, and of a responder's unit."""
