@@ -36,8 +36,10 @@ BLOCK, UNPACKED = 256, 512
 ANYWHERE = LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(1e6, 0.0, 1e6))
 """Where a DAP is put of which it is not known where it stands."""
 
-MEASURING_MOUNT: Mount = "boot"
-"""The others guess: how long a step is by how the body bounces, and of whom they know nothing."""
+MEASURING_MOUNTS: frozenset[Mount] = frozenset({"boot", "vehicle"})
+"""A foot stands still, and a wheelbase has its length. The others guess how long a step is by how
+the body bounces, and know nothing of whose it is.
+"""
 
 NORTH, EAST, DOWN, HEADING, PLACE_M2, TURN_RAD2, DOWN_M2 = range(7)
 """Columns of ``Moves.values``."""
@@ -301,7 +303,7 @@ class TeamLog:
         """A unit begins."""
         start = Start(
             said.event_time_ns, said.sequence, said.heading_sd_rad, said.position,
-            is_loose=said.mount != MEASURING_MOUNT,
+            is_loose=said.mount not in MEASURING_MOUNTS,
         )  # fmt: skip
         starts = self.of(responder_id).starts
         if any(each[:2] == start[:2] for each in starts):
