@@ -15,10 +15,10 @@ from rich.console import Console
 from rich.live import Live
 
 from command_post.checkpoint import Checkpoints, checkpoint_path, load
+from command_post.commands.doors import Doors
 from command_post.commands.prepare import make_ready
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
-from command_post.gateways.tak import TakServer, linked_to_tak
 from command_post.incident import Incident, IncidentSettings
 from command_post.metrics_server import metrics_address, told
 from command_post.plan_file import with_usable_plan
@@ -27,14 +27,12 @@ from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
 from command_post.roster import Roster
 from command_post.table import roster_table
-from command_post.web.server import page_address, page_served
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
 from shared.config import checked
 from shared.continued_clock import continued_clock
 from shared.files import FileHeldError, file_held_alone
 from shared.gate import Gate
-from shared.geodesy import parse_origin
 from shared.introductions import Introductions
 from shared.mcap_reader import read_recording
 from shared.process import (
@@ -67,13 +65,7 @@ def run(
     stations: Path | None = None,
     table: bool = False,
     metrics: str | None = None,
-    page: str | None = None,
-    people: Path | None = None,
-    origin: str | None = None,
-    tak: str | None = None,
-    tak_cert: Path | None = None,
-    tak_key: Path | None = None,
-    tak_ca: Path | None = None,
+    doors: Doors = Doors(),  # noqa: B008 - it is frozen
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -112,22 +104,8 @@ def run(
         Show the roster on standard output.
     metrics
         HOST:PORT where the post tells how it fares: /metrics for Prometheus, /roster as JSON.
-    page
-        HOST:PORT where people see the incident in a browser, as in 127.0.0.1:8080.
-    people
-        File of those who may sign in at the page ('command-post people' makes it). Without one
-        the page is for this machine alone, and whoever sits there commands.
-    origin
-        Where the incident's origin is: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], degrees and metres
-        above the ellipsoid; BEARING is how far its north is clockwise of true north.
-    tak
-        A TAK server to tell, and to hear: tcp://HOST:PORT or tls://HOST:PORT.
-    tak_cert
-        This post's certificate for the TAK server (PEM).
-    tak_key
-        Its private key (PEM).
-    tak_ca
-        The TAK server's authority (PEM).
+    doors
+        Who looks in.
     await_start
         Take the time from the exercise's start, once it is given.
     with_parent
@@ -149,9 +127,7 @@ def run(
         )
         bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
         address = None if metrics is None else metrics_address(metrics, bundle)
-        place = None if origin is None else parse_origin(origin)
-        server = None if tak is None else TakServer(tak, tak_cert, tak_key, tak_ca)
-        shown_at = None if page is None else page_address(page, bundle, people)
+        doors.check(bundle)
         with ended_by_signals():
             make_ready(settings.fusion)
         listened = [listen or local_endpoint(bundle)]
@@ -169,8 +145,7 @@ def run(
                 Recorder(record, metadata, resume=True) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
-                page_served(shown_at, incident, post_id, bundle, people, place) as served,
-                linked_to_tak(server, incident, place) as tak_link,
+                doors.opened(incident, post_id, bundle) as guests,
             ):
                 state = checkpoint_path(record)
                 part = recorder.unfinished
@@ -182,8 +157,7 @@ def run(
                     follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=introductions.meet, sign=None if bundle is None else bundle.sign,
-                    metrics=figures,
-                    guests=[each for each in (served, tak_link) if each is not None],
+                    metrics=figures, guests=guests,
                     remarks=() if refused is None else (refused,),
                     checkpoints=Checkpoints(state, recorder), stations=listed,
                 )  # fmt: skip

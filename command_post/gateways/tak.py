@@ -191,7 +191,7 @@ def linked_to_tak(
         return
     if origin is None:
         raise ValueError("--tak: give --origin LATITUDE,LONGITUDE as well: where the incident is")
-    link = TakLink(checked_server(server), incident, origin)
+    link = TakLink(server, incident, origin)
     thread = threading.Thread(target=link.run, name="tak")
     thread.start()
     try:

@@ -1,0 +1,87 @@
+"""Whom a running post lets look in, and talks to: its page, and a TAK server."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from cyclopts import Parameter
+
+from command_post.gateways.tak import TakServer, checked_server, linked_to_tak
+from command_post.listening import Address
+from command_post.post import Guest
+from command_post.web.server import page_address, page_served
+from shared.geodesy import Origin, parse_origin
+from shared.messages import NodeId
+from shared.security.bundle import Bundle
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Doors:
+    """The options of ``command-post run`` for those who look in.
+
+    Attributes
+    ----------
+    page
+        HOST:PORT where people see the incident in a browser, as in 127.0.0.1:8080.
+    people
+        File of those who may sign in at the page ('command-post people' makes it). Without one
+        the page is for this machine alone, and whoever sits there commands.
+    origin
+        Where the incident's origin is: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], degrees and metres
+        above the ellipsoid; BEARING is how far its north is clockwise of true north.
+    tak
+        A TAK server to tell, and to hear: tcp://HOST:PORT or tls://HOST:PORT.
+    tak_cert
+        This post's certificate for the TAK server (PEM).
+    tak_key
+        Its private key (PEM).
+    tak_ca
+        The TAK server's authority (PEM).
+
+    """
+
+    page: str | None = None
+    people: Path | None = None
+    origin: str | None = None
+    tak: str | None = None
+    tak_cert: Path | None = None
+    tak_key: Path | None = None
+    tak_ca: Path | None = None
+
+    def check(self, bundle: Bundle | None) -> None:
+        """Raise ``ValueError`` for options that cannot be used, before anything is begun."""
+        self._address(bundle)
+        if self._server is not None and self._place is None:
+            raise ValueError("--tak: give --origin LATITUDE,LONGITUDE: TAK knows the Earth alone")
+
+    @contextmanager
+    def opened(
+        self, incident: NodeId, post_id: NodeId, bundle: Bundle | None
+    ) -> Iterator[tuple[Guest, ...]]:
+        """Give who is to be told of what the post says, and hear them, until the block ends.
+
+        Raises ``ValueError`` for options that cannot be used, ``OSError`` where nobody can listen.
+        """
+        address, place = self._address(bundle), self._place
+        with (
+            page_served(address, incident, post_id, bundle, self.people, place) as page,
+            linked_to_tak(self._server, incident, place) as link,
+        ):
+            yield tuple(guest for guest in (page, link) if guest is not None)
+
+    def _address(self, bundle: Bundle | None) -> Address | None:
+        return None if self.page is None else page_address(self.page, bundle, self.people)
+
+    @property
+    def _place(self) -> Origin | None:
+        return None if self.origin is None else parse_origin(self.origin)
+
+    @property
+    def _server(self) -> TakServer | None:
+        if self.tak is None:
+            return None
+        return checked_server(TakServer(self.tak, self.tak_cert, self.tak_key, self.tak_ca))
