@@ -19,7 +19,7 @@ from tests.netlink_answers import station
 from tests.waiting import wait_for
 
 STATIONS = 20
-SCANS = 25
+SCANS = 12
 RATE_HZ = 5.0
 MOST_RESIDENT_MB = 60.0
 ADDRESSES = [f"02:00:5e:10:00:{number:02x}" for number in range(STATIONS)]

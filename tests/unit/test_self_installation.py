@@ -12,7 +12,7 @@ from shared.messages import Vector3
 from shared.units import NS_PER_S
 from tests.carries import Felt, Walk, at, readings, samples
 
-SEEDS = range(40)
+SEEDS = range(20)
 SET_DOWN_S = 60.0
 END_S = 110.0
 CARRIER = Walk([0.0, SET_DOWN_S, 68.0, END_S], [0.4, 0.4, 8.0, 30.0])
