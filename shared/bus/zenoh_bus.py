@@ -313,10 +313,13 @@ class ZenohBus:
             return self._publishers.setdefault((key, priority), publisher)
 
     def _take_out(self) -> _Former:
-        """Return the session and all that is declared in it; from now on there is none."""
+        """Return the session and what is declared in it; from now on there is none.
+
+        Publishers end with their session: somebody may just be publishing, and then Zenoh refuses
+        to undeclare.
+        """
         with self._lock:
-            declared = [*self._publishers.values(), *reversed(self._declared)]
-            former = _Former(self._session, declared)
+            former = _Former(self._session, self._declared[::-1])
             self._session = None
             self._publishers = {}
             self._declared = []
