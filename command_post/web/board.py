@@ -14,6 +14,7 @@ from typing import NamedTuple
 import msgspec
 
 from command_post.confidence import CHI_SQUARE_95, axes95
+from command_post.coverage import Coverage, Site
 from command_post.floors import Floor, floors_of
 from command_post.roster import DapRow, ResponderRow, Roster
 from command_post.ways import Point, WalkedGround, Way, quickest
@@ -75,6 +76,7 @@ class Changes(msgspec.Struct, frozen=True, omit_defaults=True):
     answers: list[OrderAnswer] = []
     roster: msgspec.Raw | None = None
     floors: list[Floor] | None = None
+    sites: list[Site] | None = None
     trails: dict[NodeId, list[Point]] | None = None
 
 
@@ -96,6 +98,8 @@ class Board:
         self._ground = WalkedGround()
         self._roster: tuple[int, msgspec.Raw] = (0, msgspec.Raw(b"null"))
         self._floors: tuple[int, list[Floor]] = (0, [])
+        self._coverage = Coverage()
+        self._sites: tuple[int, list[Site]] = (0, [])
 
     def publish(self, key_text: str, payload: bytes) -> None:
         """Take in a message that the post has published; what the page does not show is passed."""
@@ -112,6 +116,7 @@ class Board:
                 self._told[message.responder_id] = _Told(view, self._now_ns)
                 self._tracks[message.responder_id] = (self.version, view)
                 self._lengthen(message)
+                self._coverage.take(message)
                 place = (message.north_m, message.east_m, message.down_m)
                 time_s = message.event_time_ns / NS_PER_S
                 self._ground.walk(message.responder_id, time_s, place)
@@ -133,6 +138,9 @@ class Board:
         )  # fmt: skip
         if floors != self._floors[1]:
             self._floors = (self.version, floors)
+        sites = self._coverage.sites(dap.position for dap in roster.daps if dap.position)
+        if sites != self._sites[1]:
+            self._sites = (self.version, sites)
 
     def way_out(self, responder_id: NodeId) -> Way | None:
         """Return the quickest way that somebody has out, if one was walked."""
@@ -164,6 +172,7 @@ class Board:
             answers=[one for changed, one in self._answers if changed > version and not whole],
             roster=self._roster[1] if self._roster[0] > version else None,
             floors=floors if changed_floors > version else None,
+            sites=self._sites[1] if self._sites[0] > version else None,
             trails={name: list(way) for name, way in self._trails.items()} if whole else None,
         )
 

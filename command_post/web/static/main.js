@@ -26,6 +26,7 @@ function draw() {
   if (now.tracks) view.drawTracks();
   if (now.panels) {
     view.drawDaps();
+    view.drawSites();
     drawPanels();
   }
   if (!drawnFirst && model.tracks.size) {
@@ -51,7 +52,7 @@ function ask(what) {
 function take(changes) {
   model.take(changes);
   soundNew(changes.alerts ?? [], Boolean(changes.trails));
-  const panels = Boolean(changes.roster || changes.alerts?.length || changes.floors);
+  const panels = Boolean(changes.roster || changes.alerts?.length || changes.floors || changes.sites);
   ask({ tracks: Boolean(changes.tracks?.length || changes.trails), panels });
 }
 

@@ -16,12 +16,13 @@ export class MapView {
   constructor(target, model) {
     this.#model = model;
     this.sources = { trails: new ol.source.Vector(), regions: new ol.source.Vector(),
-      people: new ol.source.Vector(), daps: new ol.source.Vector(), way: new ol.source.Vector() };
+      people: new ol.source.Vector(), daps: new ol.source.Vector(), sites: new ol.source.Vector(),
+      way: new ol.source.Vector() };
     const layer = (source) => new ol.layer.Vector({ source, updateWhileInteracting: true,
       updateWhileAnimating: true, style: (feature) => this.#style(feature) });
     this.map = new ol.Map({
       target,
-      layers: ["trails", "regions", "way", "daps", "people"].map((name) => layer(this.sources[name])),
+      layers: ["trails", "regions", "way", "sites", "daps", "people"].map((name) => layer(this.sources[name])),
       view: new ol.View({ projection, center: [0, 0], resolution: 0.15, minResolution: 0.005,
         maxResolution: 50, enableRotation: false }),
       controls: [new ol.control.ScaleLine({ minWidth: 80 })],
@@ -95,6 +96,14 @@ export class MapView {
     }
   }
 
+  /** Where a further DAP would tell most. */
+  drawSites() {
+    this.sources.sites.clear();
+    this.sources.sites.addFeatures(this.#model.sites.map((site) => new ol.Feature({ kind: "site",
+      id: `+${site.gain_bits} bit`, level: this.#model.floorOf(site.down_m),
+      geometry: new ol.geom.Point([site.east_m, site.north_m]) })));
+  }
+
   #draw(track) {
     const made = this.#features.get(track.responder_id) ?? this.#make(track.responder_id);
     const level = this.#model.floorOf(track.floor_down_m);
@@ -145,10 +154,16 @@ export class MapView {
         stroke: new ol.style.Stroke({ color: colour, width: 1.5, lineDash: status === "lost" ? [8, 6] : undefined }),
       });
     }
-    const label = new ol.style.Text({ text: id, offsetY: kind === "dap" ? 16 : -30,
-      font: `${kind === "dap" ? "" : "600 "}${kind === "dap" ? 13 : 16}px system-ui, sans-serif`,
+    const ofPerson = kind === "person";
+    const label = new ol.style.Text({ text: id, offsetY: ofPerson ? -30 : 16,
+      font: `${ofPerson ? "600 16" : "13"}px system-ui, sans-serif`,
       fill: new ol.style.Fill({ color: withAlpha(this.colours.ink, faint ? 0.35 : 1) }),
       stroke: new ol.style.Stroke({ color: this.colours.ground, width: 4 }) });
+    if (kind === "site") {
+      const siteColour = withAlpha(this.colours.accent, faint ? 0.3 : 1);
+      return new ol.style.Style({ text: label, image: new ol.style.RegularShape({ points: 4, radius: 9, angle: Math.PI / 4,
+        stroke: new ol.style.Stroke({ color: siteColour, width: 2, lineDash: [4, 3] }) }) });
+    }
     if (kind === "dap") {
       const dapColour = withAlpha(status === "lost" ? this.colours.lost : this.colours.accent, faint ? 0.3 : 1);
       return new ol.style.Style({ text: label, image: new ol.style.RegularShape({ points: 4, radius: 8, angle: Math.PI / 4,

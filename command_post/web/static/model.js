@@ -12,6 +12,7 @@ export class Model {
     this.answers = [];
     this.roster = null;
     this.floors = [{ level: 0, down_m: 0 }];
+    this.sites = [];
     this.touched = new Set();
   }
 
@@ -31,6 +32,7 @@ export class Model {
     for (const answer of changes.answers ?? []) this.answers.push(answer);
     if (changes.roster) this.roster = changes.roster;
     if (changes.floors) this.floors = changes.floors;
+    if (changes.sites) this.sites = changes.sites;
   }
 
   /** Those whose track has changed since this was last asked. */
