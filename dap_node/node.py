@@ -89,7 +89,7 @@ class DapNode:
         self._sender = Sender(bus, incident, "dap", dap_id, outbox)
         self._gate = gate or Gate()
         self._standing = Standing(dap_id)
-        self._offset_db = settings.offset_db
+        self._scale = settings.scale()
         self._proximity = ProximityDetector(settings.proximity)
         self._peaks = PeakDetector(settings.peaks)
         self._hearing = Hearing("dap", dap_id, stations)
@@ -160,6 +160,7 @@ class DapNode:
                 return
         installation = Installation(report.time_ns, installer_id, report.position)
         self._standing.set_down(installation)
+        self._scale.set_down(report.time_ns, installer_id)
         if self._watch is not None:
             self._watch.stands()
         self._is_taken_up = False
@@ -185,13 +186,20 @@ class DapNode:
             if role == "dap":
                 self._neighbours.hear(time_ns, node_id, rssi_dbm)
                 continue
-            calibrated_dbm = rssi_dbm + self._offset_db
+            calibrated_dbm = self._scale.calibrated_dbm(time_ns, node_id, rssi_dbm)
             self._proximity.add(time_ns, node_id, calibrated_dbm)
             self._peaks.add(time_ns, node_id, calibrated_dbm)
             if self._watch is not None:
                 self._watch.hear(time_ns, node_id, calibrated_dbm)
             if self._sends_rssi:
                 self._say_reading(time_ns, node_id, rssi_dbm)
+        if (learnt := self._scale.tick(now_ns)) is not None:
+            _log.info(
+                "calibrated by the installer",
+                installer_db=round(learnt.installer_db, 1),
+                others_db=round(learnt.others_db, 1),
+                samples=learnt.sample_count,
+            )
         near, peaks = self._proximity.tick(now_ns), self._peaks.tick(now_ns)
         # Who is near a box that somebody carries says nothing of where they are.
         if not self._is_taken_up:
@@ -269,7 +277,7 @@ class DapNode:
         self._place_payload = self._sender.send(place)
 
     def _say_near(self, proximity: Proximity) -> None:
-        heard = proximity.heard
+        heard, belief = proximity.heard, proximity.belief
         self._sender.send(
             ProximityEvent(
                 event_time_ns=proximity.time_ns,
@@ -279,6 +287,9 @@ class DapNode:
                 rssi_mean_dbm=heard.mean_dbm,
                 rssi_variance_db2=heard.variance_db2,
                 sample_count=heard.sample_count,
+                near_log_odds=None if belief is None else belief.log_odds,
+                range_m=None if belief is None else belief.range_m,
+                range_sd_m=None if belief is None else belief.range_sd_m,
             )
         )
 

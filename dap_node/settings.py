@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import msgspec
 from msgspec import Meta
 
+from dap_node.calibration import CalibrationSettings, Scale
 from dap_node.proximity import ProximitySettings
+from shared.messages import NodeId
 from shared.rssi_peaks import PeakSettings
+
+Offset: TypeAlias = Annotated[float, Meta(ge=-60.0, le=60.0)]
 
 
 class DapSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -16,9 +20,28 @@ class DapSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     ``offset_db`` is added to every reading before that, so that radios of any make may be judged
     alike: it brings an average responder at a clear metre to −40 dBm, for which the thresholds,
-    and what the post makes of a peak, are meant. Readings are reported as they were heard.
+    and what the post makes of a peak, are meant. ``model_offset_db`` is added as well to readings
+    of a model of radio, and ``model_of`` names the responders' models. With a ``calibration`` the
+    DAP learns from its installer what is left. Readings are reported as they were heard.
     """
 
-    offset_db: Annotated[float, Meta(ge=-60.0, le=60.0)] = 0.0
+    offset_db: Offset = 0.0
+    model_offset_db: dict[str, Offset] = {}
+    model_of: dict[NodeId, str] = {}
+    calibration: CalibrationSettings | None = None
     proximity: ProximitySettings = ProximitySettings()
     peaks: PeakSettings = PeakSettings()
+
+    def __post_init__(self) -> None:
+        """Refuse a model of which there is no offset."""
+        unknown = sorted({*self.model_of.values()} - self.model_offset_db.keys())
+        if unknown:
+            raise ValueError(f"model_of: no model_offset_db for {', '.join(unknown)}; give one")
+
+    def scale(self) -> Scale:
+        """Return what brings readings to the product's scale, knowing of no installer yet."""
+        offset_of_db = {
+            responder_id: self.offset_db + self.model_offset_db[model]
+            for responder_id, model in self.model_of.items()
+        }
+        return Scale(self.offset_db, offset_of_db, self.calibration)

@@ -230,11 +230,13 @@ class RssiReport(Message, frozen=True, kw_only=True):
     rssi_dbm: PowerDbm
 
 
-class ProximityEvent(Message, frozen=True, kw_only=True):
+class ProximityEvent(Message, frozen=True, kw_only=True, omit_defaults=True):
     """A responder is near a DAP, or has just ceased to be.
 
     ``entered`` and ``left`` bound a stay; ``near`` repeats while it lasts. Mean and variance are
-    of the RSSI over the DAP's window, ``sample_count`` the samples in it.
+    of the RSSI over the DAP's window, ``sample_count`` the samples in it. A DAP that weighs
+    likelihoods also says the log odds that they are near, and what it holds of the range: mean and
+    standard deviation.
     """
 
     responder_id: NodeId
@@ -242,6 +244,9 @@ class ProximityEvent(Message, frozen=True, kw_only=True):
     rssi_mean_dbm: PowerDbm
     rssi_variance_db2: StandardDeviation
     sample_count: Annotated[int, Meta(ge=0, le=100_000)]
+    near_log_odds: Annotated[float, Meta(ge=-100.0, le=100.0)] | None = None
+    range_m: Annotated[float, Meta(ge=0.0, le=1e4)] | None = None
+    range_sd_m: Annotated[float, Meta(ge=0.0, le=1e4)] | None = None
 
 
 class RssiPeak(Message, frozen=True, kw_only=True):

@@ -8,10 +8,13 @@ from threading import Event, Thread
 
 import pytest
 
+from dap_node.calibration import CalibrationSettings
 from dap_node.commands.serve import Company, follow
 from dap_node.node import DapNode
+from dap_node.proximity import ProximitySettings
 from dap_node.scanners.observation import Motion, Scan, SetDown
 from dap_node.self_installation import SelfInstallation
+from dap_node.settings import DapSettings
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryBus, MemoryNetwork
 from shared.clock import ManualClock
@@ -41,7 +44,7 @@ PLACE_KEY = "clew/v1/test/post/post/dap_place"
 class Site:
     """A DAP on a network of its own, and somebody who hears all that is said there."""
 
-    def __init__(self) -> None:
+    def __init__(self, settings: DapSettings | None = None) -> None:
         network = MemoryNetwork()
         self.others: MemoryBus = network.connect()
         self.heard: list[Received] = []
@@ -52,7 +55,7 @@ class Site:
         )
         self.bus = network.connect()
         self.kept: list[StationTable] = []
-        self.node = DapNode(self.bus, "test", "dap2", keep_stations=self.kept.append)
+        self.node = DapNode(self.bus, "test", "dap2", settings, keep_stations=self.kept.append)
 
     def said(self, kind: type[Message]) -> list[Message]:
         """Return all that the DAP has said of one kind."""
@@ -135,6 +138,34 @@ def test_it_reports_every_reading_and_who_is_near(site: Site) -> None:
     assert [event.sequence for event in events] == list(range(4))
     assert (events[0].event_time_ns, events[0].sample_count) == (at(0.5), 4)
     assert (events[0].rssi_mean_dbm, events[0].rssi_variance_db2) == (-42.0, 0.0)
+    assert events[0].range_m is None
+
+
+def test_one_that_weighs_likelihoods_also_says_how_near_and_how_sure() -> None:
+    settings = DapSettings(proximity=ProximitySettings(method="likelihood"))
+    site = Site(settings)
+    with site.others, site.bus:
+        for scan in scans(0.2, 5.0, r1=-36.0):
+            site.node.take(scan)
+        entered, *_ = site.said(ProximityEvent)
+    assert isinstance(entered, ProximityEvent)
+    assert entered.near_log_odds is not None
+    assert entered.near_log_odds >= settings.proximity.range.enter_log_odds
+    assert entered.range_m is not None
+    assert entered.range_sd_m is not None
+
+
+def test_one_that_is_calibrated_by_its_installer_hears_them_as_near() -> None:
+    site = Site(DapSettings(calibration=CalibrationSettings(beside_sd_db=0.5)))
+    with site.others, site.bus:
+        site.node.take(SetDown(START_NS, "r1", PLACE))
+        for scan in scans(0.2, 6.0, r1=-53.0, r2=-53.0):
+            site.node.take(scan)
+        events = [event for event in site.said(ProximityEvent) if isinstance(event, ProximityEvent)]
+        reports = site.said(RssiReport)
+    assert {event.responder_id for event in events} == {"r1"}
+    assert events[-1].rssi_mean_dbm == pytest.approx(-43.0, abs=1.5)
+    assert {report.rssi_dbm for report in reports if isinstance(report, RssiReport)} == {-53.0}
 
 
 @pytest.mark.parametrize(
