@@ -16,6 +16,13 @@ settings.load_profile("clew")
 CHECKOUT = Path(__file__).resolve().parent.parent
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Have benchmarks run by themselves: nothing else is to be at work beside them."""
+    if config.option.benchmark_enable:
+        config.option.numprocesses, config.option.dist = 0, "no"
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep journals of tests apart from the user's own, in processes that tests start too."""
