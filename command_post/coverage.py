@@ -50,6 +50,13 @@ class _Cell:
     def __init__(self, track: TrackEstimate) -> None:
         self.place_m = (track.north_m, track.east_m, track.down_m)
         self.passes: list[tuple[str, Covariance]] = []
+        self.gain_bits = 0.0
+
+    def add(self, responder_id: str, covariance_m2: Covariance) -> None:
+        """Note a pass; what a DAP here would have told of all passes is kept up with it."""
+        if len(self.passes) < MOST_PASSES:
+            self.passes.append((responder_id, covariance_m2))
+            self.gain_bits = _gain_bits([each for _, each in self.passes])
 
 
 class Coverage:
@@ -72,29 +79,28 @@ class Coverage:
         if at not in self._cells and len(self._cells) >= MOST_CELLS:
             return
         cell = self._cells.setdefault(at, _Cell(track))
-        if len(cell.passes) < MOST_PASSES:
-            cell.passes.append((track.responder_id, track.covariance_m2))
+        cell.add(track.responder_id, track.covariance_m2)
 
     def sites(self, daps: Iterable[LocalPosition]) -> list[Site]:
         """Return the best places, best first, given where DAPs stand."""
         taken_m = [(dap.north_m, dap.east_m, dap.down_m) for dap in daps]
         standing = len(taken_m)
         told: list[Site] = []
-        gains = [(_gain_bits(cell), cell) for cell in self._cells.values()]
-        for gain_bits, cell in sorted(gains, key=lambda each: (-each[0], each[1].place_m)):
-            if gain_bits < LEAST_BITS or len(told) == MOST_SITES:
+        worth = [cell for cell in self._cells.values() if cell.gain_bits >= LEAST_BITS]
+        for cell in sorted(worth, key=lambda each: (-each.gain_bits, each.place_m)):
+            if len(told) == MOST_SITES:
                 break
             if any(_apart_m(cell.place_m, other) < COVERED_M for other in taken_m):
                 continue
             reason = _reason(cell, taken_m[:standing])
-            told.append(Site(*cell.place_m, round(gain_bits, 1), reason))
+            told.append(Site(*cell.place_m, round(cell.gain_bits, 1), reason))
             taken_m.append(cell.place_m)
         return told
 
 
-def _gain_bits(cell: _Cell) -> float:
-    """Return what a DAP in the cell would have told of all passes but the best known."""
-    covariances = sorted((each for _, each in cell.passes), key=lambda each: each[0] + each[2])
+def _gain_bits(covariances: list[Covariance]) -> float:
+    """Return what a DAP would have told of all passes but the best known."""
+    covariances = sorted(covariances, key=lambda each: each[0] + each[2])
     (nn, ne, ee), tie_m2 = covariances[0], TIE_SD_M**2
     installed = (nn + tie_m2, ne, ee + tie_m2)
     return math.fsum(_bits(each, installed) for each in covariances[1:])
