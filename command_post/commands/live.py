@@ -133,7 +133,7 @@ def run(
         listened = [listen or local_endpoint(bundle)]
         with (
             stop_on_signals() as stop,
-            nullcontext() if bundle is None else RefusedLinks(),
+            nullcontext() if bundle is None else RefusedLinks() as links,
             open_zenoh("router", listen=listened, bundle=bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,
         ):
@@ -160,6 +160,7 @@ def run(
                     metrics=figures, guests=guests,
                     remarks=() if refused is None else (refused,),
                     checkpoints=Checkpoints(state, recorder), stations=listed,
+                    breaches={} if links is None else links.breaches,
                 )  # fmt: skip
                 if part is not None:
                     # It can be broken off: the recording stays as it is, to be gone on with.

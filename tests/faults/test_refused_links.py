@@ -8,6 +8,7 @@ import socket
 import ssl
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from datetime import timedelta
 from functools import partial
@@ -18,6 +19,9 @@ from structlog.testing import capture_logs
 
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
+from shared.codec import Refusal, decode, parse_key
+from shared.mcap_reader import read_recording
+from shared.messages import Alert
 from shared.process import ExitCode
 from tests.bus.test_zenoh import free_endpoint, port_of
 from tests.issued_keys import Keys, now
@@ -82,3 +86,50 @@ def test_it_is_told_at_powers_of_ten_and_not_each_time() -> None:
         ("foreign", 1), ("foreign", 10), ("foreign", 100),
     ]  # fmt: skip
     assert links.counts == {"foreign": 150}
+
+
+def test_what_is_not_ones_own_to_say_is_counted_by_whom_it_names() -> None:
+    links = RefusedLinks()
+    line = "Using cached result: 965ad7 is unauthorized to Put (ingress) on clew/v1/fire/{}"
+    with capture_logs() as logs:
+        links.note(line.format("responder/r2/increment"))
+        links.note(line.format("responder/r2/alarm"))
+        links.note(line.format("post/post/order").replace("Put (ingress)", "Put (egress)"))
+        links.note(line.replace("clew/v1/fire/{}", "odd"))
+    assert links.breaches == {"r2": 2, "odd": 1}
+    assert links.counts == {"breach": 3}
+    assert [each["reason"] for each in logs] == ["breach"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no such pipes")
+def test_a_post_is_alerted_to_who_speaks_for_others(tmp_path: Path) -> None:
+    keys = Keys(tmp_path / "keys", ["post", "r1", "r2"])
+    endpoint, log = free_endpoint().replace("tcp", "tls"), tmp_path / "log"
+    command = [sys.executable, "-m", "command_post", "run", "--incident", "fire",
+               "--keys", str(keys["post"].folder), "--record", str(tmp_path / "fire.mcap"),
+               "--listen", endpoint]  # fmt: skip
+    with log.open("wb") as logged, subprocess.Popen(command, stderr=logged) as post:
+        try:
+            with open_zenoh("client", [endpoint], bundle=keys["r1"]) as client:
+                wait_for(client.connected, "the post", 2 * DEADLINE_S)
+
+                def speak() -> bool:
+                    client.publish("clew/v1/fire/responder/r2/increment", b"not mine")
+                    return any(alerts_in(tmp_path / "fire.mcap.part"))
+
+                wait_for(speak, "an alert")
+            post.send_signal(signal.SIGTERM)
+            assert post.wait(DEADLINE_S) == ExitCode.OK
+        finally:
+            post.kill()
+    (alert,) = alerts_in(tmp_path / "fire.mcap")
+    assert (alert.kind, alert.node_id, alert.stage) == ("intruder", "r2", "raised")
+    assert "not its own" in alert.words
+
+
+def alerts_in(recording: Path) -> Iterator[Alert]:
+    for each in read_recording(recording) if recording.exists() else ():
+        key = parse_key(each.key)
+        message = key if isinstance(key, Refusal) else decode(key, each.payload)
+        if isinstance(message, Alert):
+            yield message
