@@ -64,6 +64,7 @@ WIRE_FIELDS = {
 ADDED_SINCE = {
     "activity", "activity_confidence", "facing_sd_rad", "pressure_pa", "pressure_rows",
     "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns", "lost",
+    "near_log_odds", "range_m", "range_sd_m",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 
