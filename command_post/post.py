@@ -10,9 +10,8 @@ from __future__ import annotations
 import gc
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from threading import Event, Thread
-from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import structlog
@@ -32,7 +31,7 @@ from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.safekeeping import Safekeeping
 from command_post.station_notice import StationNotice
-from command_post.strangers import Strangers
+from command_post.strangers import NOBODY, AtLinks, Strangers
 from command_post.voice import Voice
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received
@@ -118,7 +117,7 @@ class Post:
         remarks: Sequence[str] = (),
         checkpoints: Checkpoints | None = None,
         stations: StationTable | None = None,
-        breaches: Mapping[str, int] = MappingProxyType({}),
+        at_links: AtLinks = NOBODY,
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
@@ -151,7 +150,7 @@ class Post:
         self._metrics = metrics
         self._guests = tuple(guests)
         self._strangers = Strangers()
-        self._breaches = breaches
+        self._at_links = at_links
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._company = Company(bus, name, post_id, meet, self._hear)
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
@@ -265,7 +264,7 @@ class Post:
         if self._metrics is not None:
             self._metrics.show(self._figures(roster))
         for key, payload in self._strangers.noticed(
-            self._gate.turned, self._breaches, self._incident, roster.now_ns
+            self._gate.turned, self._at_links, self._incident, roster.now_ns
         ):
             self._take_own(key, payload)
 

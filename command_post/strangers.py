@@ -1,9 +1,10 @@
-"""Strangers at the gate (pure): who speaks in the name of a node without being it."""
+"""Strangers (pure): who speaks in the name of a node without being it, and who wants a link."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, TypeAlias
+from types import MappingProxyType
+from typing import Literal, NamedTuple, TypeAlias
 
 from command_post.incident import Incident
 from shared.codec import encode
@@ -25,38 +26,63 @@ WORDS: dict[Strange, str] = {
     "breach": "that are not its own to send",
 }
 
+LINK_WORDS: dict[str, str] = {
+    "no_certificate": "shows no certificate",
+    "expired": "has a certificate that has expired",
+    "not_yet_valid": "has a certificate that is not valid yet",
+    "foreign": "has a certificate of another authority",
+    "not_tls": "does not encrypt",
+    "not_named": "has a certificate that nobody here knows of",
+}
+"""Why a link was refused, where that is worth an alert."""
+
+
+class AtLinks(NamedTuple):
+    """What routers refuse: links, by why; and what is not its sender's to say, by whom it names."""
+
+    refused: Mapping[str, int]
+    breaches: Mapping[str, int]
+
+
+NOBODY = AtLinks(MappingProxyType({}), MappingProxyType({}))
+
 
 class Strangers:
     """Notices each kind of stranger once for each node that they name."""
 
     def __init__(self) -> None:
-        self._noticed: set[tuple[Strange, str]] = set()
+        self._noticed: set[tuple[str, str]] = set()
 
     def noticed(
         self,
         turned: Mapping[tuple[Turned, str], int],
-        breaches: Mapping[str, int],
+        at_links: AtLinks,
         incident: Incident,
         now_ns: int,
     ) -> list[tuple[str, bytes]]:
-        """Return what is new among what was ``turned`` away, as messages under their keys.
-
-        ``breaches`` are what access rules have refused, by the node that is named.
-        """
+        """Return what is new among what was ``turned`` away, as messages under their keys."""
         seen: list[tuple[Strange, str]] = [
             *(each for each in turned if each[0] in WORDS),
-            *(("breach", named) for named in list(breaches) if is_id(named)),
+            *(("breach", named) for named in list(at_links.breaches) if is_id(named)),
         ]
-        new = [each for each in seen if each not in self._noticed]
-        self._noticed.update(new)
-        return [_message(why, node_id, incident, now_ns) for why, node_id in new]
+        told: list[tuple[str, str, str]] = [
+            (why, node_id, f"somebody sends messages {WORDS[why]}") for why, node_id in seen
+        ]
+        told += [
+            (why, f"link-{why}", f"a link was refused: who dials {LINK_WORDS[why]}")
+            for why in list(at_links.refused)
+            if why in LINK_WORDS
+        ]
+        new = [each for each in told if each[:2] not in self._noticed]
+        self._noticed.update(each[:2] for each in new)
+        return [_message(node_id, words, incident, now_ns) for _, node_id, words in new]
 
 
-def _message(why: Strange, node_id: str, incident: Incident, now_ns: int) -> tuple[str, bytes]:
-    role: Role = "dap" if ("dap", node_id) in incident.heard_ns else "responder"
+def _message(node_id: str, words: str, incident: Incident, now_ns: int) -> tuple[str, bytes]:
+    nodes: tuple[Role, ...] = ("responder", "dap")
+    role: Role = next((each for each in nodes if (each, node_id) in incident.heard_ns), "post")
     key = Key(incident.settings.incident, "post", GATE_ID, "stranger")
     noticed = StrangerNoticed(
-        event_time_ns=now_ns, sequence=0, role=role, node_id=node_id,
-        words=f"somebody sends messages {WORDS[why]}",
-    )  # fmt: skip
+        event_time_ns=now_ns, sequence=0, role=role, node_id=node_id, words=words
+    )
     return str(key), encode(noticed)

@@ -102,7 +102,7 @@ def test_what_is_not_ones_own_to_say_is_counted_by_whom_it_names() -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no such pipes")
-def test_a_post_is_alerted_to_who_speaks_for_others(tmp_path: Path) -> None:
+def test_a_post_is_alerted_to_strangers_and_to_who_speaks_for_others(tmp_path: Path) -> None:
     keys = Keys(tmp_path / "keys", ["post", "r1", "r2"])
     endpoint, log = free_endpoint().replace("tcp", "tls"), tmp_path / "log"
     command = [sys.executable, "-m", "command_post", "run", "--incident", "fire",
@@ -113,18 +113,22 @@ def test_a_post_is_alerted_to_who_speaks_for_others(tmp_path: Path) -> None:
             with open_zenoh("client", [endpoint], bundle=keys["r1"]) as client:
                 wait_for(client.connected, "the post", 2 * DEADLINE_S)
 
+                with socket.create_connection(("127.0.0.1", port_of(endpoint))) as plain:
+                    plain.sendall(b"GET / HTTP/1.0\r\n\r\n")
+
                 def speak() -> bool:
                     client.publish("clew/v1/fire/responder/r2/increment", b"not mine")
-                    return any(alerts_in(tmp_path / "fire.mcap.part"))
+                    return len(list(alerts_in(tmp_path / "fire.mcap.part"))) == 2
 
-                wait_for(speak, "an alert")
+                wait_for(speak, "the alerts")
             post.send_signal(signal.SIGTERM)
             assert post.wait(DEADLINE_S) == ExitCode.OK
         finally:
             post.kill()
-    (alert,) = alerts_in(tmp_path / "fire.mcap")
-    assert (alert.kind, alert.node_id, alert.stage) == ("intruder", "r2", "raised")
-    assert "not its own" in alert.words
+    alerts = {alert.node_id: alert for alert in alerts_in(tmp_path / "fire.mcap")}
+    assert {alert.kind for alert in alerts.values()} == {"intruder"}
+    assert "not its own" in alerts["r2"].words
+    assert "does not encrypt" in alerts["link-not_tls"].words
 
 
 def alerts_in(recording: Path) -> Iterator[Alert]:
