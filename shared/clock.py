@@ -31,7 +31,25 @@ def steady_ns() -> int:
     return time.monotonic_ns()
 
 
-_BASE_NS = time.time_ns() - steady_ns()
+LOOKS = 5
+
+
+def base_ns(read_ns: Callable[[], int], steady_ns: Callable[[], int]) -> int:
+    """Return what a clock read when the machine was started.
+
+    The two counts cannot be read at once, and a busy machine may stop the process between them for
+    milliseconds: of several looks the quickest counts.
+    """
+    looks = []
+    for _ in range(LOOKS):
+        before_ns = steady_ns()
+        now_ns = read_ns()
+        after_ns = steady_ns()
+        looks.append((after_ns - before_ns, now_ns - (before_ns + after_ns) // 2))
+    return min(looks)[1]
+
+
+_BASE_NS = base_ns(time.time_ns, steady_ns)
 
 
 class SystemClock:

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from shared.clock import ManualClock, PacedClock, ScaledClock, SystemClock, steady_ns
+from shared.clock import ManualClock, PacedClock, ScaledClock, SystemClock, base_ns, steady_ns
 from shared.units import NS_PER_S
 
 
@@ -45,3 +45,11 @@ def test_a_nodes_clock_changes_its_pace_once_an_exercise_begins() -> None:
     own.set_ns(102 * NS_PER_S)
     assert (clock.now_ns(), clock.pace) == (120 * NS_PER_S, 10.0)
     assert clock.real_seconds_until(130 * NS_PER_S) == pytest.approx(1.0)
+
+
+def test_a_process_that_is_stopped_while_it_looks_at_the_clock_looks_again() -> None:
+    # Steady count and clock are read in turn; the machine stops the process at the first look.
+    steady = iter([0, 9_000_000, 9_000_100, 9_000_300, *range(9_001_000, 9_002_000, 100)])
+    clock = iter([1_000_000_000, 1_009_000_200, *range(1_009_001_050, 1_009_003_000, 200)])
+    found_ns = base_ns(lambda: next(clock), lambda: next(steady))
+    assert abs(found_ns - 1_000_000_000) <= 100
