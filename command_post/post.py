@@ -10,8 +10,9 @@ from __future__ import annotations
 import gc
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from threading import Event, Thread
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import structlog
@@ -31,7 +32,7 @@ from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.safekeeping import Safekeeping
 from command_post.station_notice import StationNotice
-from command_post.strangers import NOBODY, AtLinks, Strangers
+from command_post.strangers import Strangers
 from command_post.voice import Voice
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received
@@ -117,7 +118,7 @@ class Post:
         remarks: Sequence[str] = (),
         checkpoints: Checkpoints | None = None,
         stations: StationTable | None = None,
-        at_links: AtLinks = NOBODY,
+        refused_links: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
@@ -150,7 +151,7 @@ class Post:
         self._metrics = metrics
         self._guests = tuple(guests)
         self._strangers = Strangers()
-        self._at_links = at_links
+        self._refused_links = refused_links
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._company = Company(bus, name, post_id, meet, self._hear)
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
@@ -264,7 +265,7 @@ class Post:
         if self._metrics is not None:
             self._metrics.show(self._figures(roster))
         for key, payload in self._strangers.noticed(
-            self._gate.turned, self._at_links, self._incident, roster.now_ns
+            self._gate.turned, self._refused_links, self._incident, roster.now_ns
         ):
             self._take_own(key, payload)
 

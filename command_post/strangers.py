@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Literal, NamedTuple, TypeAlias
 
 from command_post.incident import Incident
 from shared.codec import encode
 from shared.gate import Turned
 from shared.messages import StrangerNoticed
-from shared.topics import Key, Role, is_id
+from shared.topics import Key, Role
 
 GATE_ID = "gate"
 """Under whose name the post's own gate reports."""
 
-Strange: TypeAlias = Turned | Literal["breach"]
-"""Why somebody is a stranger: for the gate's reasons, or turned away by a router's access rules."""
-
-WORDS: dict[Strange, str] = {
+WORDS: dict[Turned, str] = {
     "forged": "that it has not signed",
     "unsigned": "without a signature",
     "unsealed": "without a signature",
     "withdrawn": "with a withdrawn key",
-    "breach": "that are not its own to send",
 }
 
 LINK_WORDS: dict[str, str] = {
@@ -37,16 +31,6 @@ LINK_WORDS: dict[str, str] = {
 """Why a link was refused, where that is worth an alert."""
 
 
-class AtLinks(NamedTuple):
-    """What routers refuse: links, by why; and what is not its sender's to say, by whom it names."""
-
-    refused: Mapping[str, int]
-    breaches: Mapping[str, int]
-
-
-NOBODY = AtLinks(MappingProxyType({}), MappingProxyType({}))
-
-
 class Strangers:
     """Notices each kind of stranger once for each node that they name."""
 
@@ -56,21 +40,22 @@ class Strangers:
     def noticed(
         self,
         turned: Mapping[tuple[Turned, str], int],
-        at_links: AtLinks,
+        refused_links: Mapping[str, int],
         incident: Incident,
         now_ns: int,
     ) -> list[tuple[str, bytes]]:
-        """Return what is new among what was ``turned`` away, as messages under their keys."""
-        seen: list[tuple[Strange, str]] = [
-            *(each for each in turned if each[0] in WORDS),
-            *(("breach", named) for named in list(at_links.breaches) if is_id(named)),
-        ]
+        """Return what is new among what was ``turned`` away, as messages under their keys.
+
+        ``refused_links`` are the links that were refused, by why.
+        """
         told: list[tuple[str, str, str]] = [
-            (why, node_id, f"somebody sends messages {WORDS[why]}") for why, node_id in seen
+            (why, node_id, f"somebody sends messages {WORDS[why]}")
+            for why, node_id in turned
+            if why in WORDS
         ]
         told += [
             (why, f"link-{why}", f"a link was refused: who dials {LINK_WORDS[why]}")
-            for why in list(at_links.refused)
+            for why in list(refused_links)
             if why in LINK_WORDS
         ]
         new = [each for each in told if each[:2] not in self._noticed]

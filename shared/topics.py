@@ -157,13 +157,8 @@ def all_alive_of(incident: str) -> str:
     return f"clew/{WIRE_VERSION}/{incident}/*/*/alive"
 
 
-def is_id(value: str) -> bool:
-    """Say whether ``value`` may stand in a key as a name."""
-    return _ID.fullmatch(value) is not None
-
-
 def check_id(value: str, what: str) -> str:
     """Return ``value`` if it may stand in a key, else raise ``ValueError`` that says what may."""
-    if not is_id(value):
+    if not _ID.fullmatch(value):
         raise ValueError(f"{what} {value!r}: use 1 to 32 letters, digits, '-' or '_'")
     return value

@@ -26,7 +26,6 @@ from command_post.post import Post
 from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
 from command_post.roster import Roster
-from command_post.strangers import NOBODY, AtLinks
 from command_post.table import roster_table
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
@@ -161,7 +160,7 @@ def run(
                     metrics=figures, guests=guests,
                     remarks=() if refused is None else (refused,),
                     checkpoints=Checkpoints(state, recorder), stations=listed,
-                    at_links=NOBODY if links is None else AtLinks(links.counts, links.breaches),
+                    refused_links={} if links is None else links.counts,
                 )  # fmt: skip
                 if part is not None:
                     # It can be broken off: the recording stays as it is, to be gone on with.

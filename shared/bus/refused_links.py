@@ -1,4 +1,4 @@
-"""Who was refused a link, and why, and who says what is not theirs to say: counted and told.
+"""Who was refused a link, and why: counted and told.
 
 Zenoh says it in its log alone, and can write that to standard output alone. So as long as this
 listens, what Zenoh writes there goes into a pipe; what Python writes goes where it always did.
@@ -7,7 +7,6 @@ listens, what Zenoh writes there goes into a pipe; what Python writes goes where
 from __future__ import annotations
 
 import os
-import re
 import sys
 import threading
 from collections import Counter
@@ -16,13 +15,7 @@ from typing import TextIO
 import structlog
 import zenoh
 
-LOGGED = "zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=trace"
-"""That a message was not let pass is told at this level alone. What is let pass is not."""
-
-BREACH = "breach"
-_BREACH = re.compile(r"is unauthorized to Put \(ingress\) on (\S+)")
-MOST_NAMED = 1000
-_NODE_CHUNK = 4
+LOGGED = "zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=info"
 
 _REASONS = {
     "did not match any configured ACL subject": "not_named",
@@ -39,7 +32,6 @@ _REASONS = {
 _WORDS = {
     "not_named": "a node has a link and is mute: nodes.json of these keys does not name it",
     "does_not_accept_ours": "a link was refused by who dialled: it does not accept our certificate",
-    BREACH: "a node says what is not its own to say, and is not let",
 }
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -48,14 +40,12 @@ _log = structlog.stdlib.get_logger(__name__)
 class RefusedLinks:
     """In its ``with`` block, ``counts`` the refused links of this process's routers, by reason.
 
-    ``not_named`` are those who got a link, and are let say nothing. ``breach`` are messages that a
-    node with a link put under keys that are not its own: ``breaches`` counts them by the node that
-    they name. To be entered before a router opens, and by one at a time.
+    ``not_named`` are those who got a link, and are let say nothing. To be entered before a router
+    opens, and by one at a time.
     """
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
-        self.breaches: Counter[str] = Counter()
         self._thread = threading.Thread(target=self._read, name="refused-links", daemon=True)
 
     def __enter__(self) -> RefusedLinks:
@@ -83,24 +73,13 @@ class RefusedLinks:
 
     def note(self, line: str) -> None:
         """Take in a line of Zenoh's log."""
-        breach = _BREACH.search(line)
-        if breach is not None:
-            reason: str | None = BREACH
-            self._name(breach[1])
-        else:
-            reason = next((why for words, why in _REASONS.items() if words in line), None)
+        reason = next((why for words, why in _REASONS.items() if words in line), None)
         if reason is None:
             return
         self.counts[reason] += 1
         count = self.counts[reason]
         if count == 10 ** (len(str(count)) - 1):
             _log.warning(_WORDS.get(reason, "a link was refused"), reason=reason, count=count)
-
-    def _name(self, key: str) -> None:
-        chunks = key.split("/")
-        named = chunks[_NODE_CHUNK] if len(chunks) > _NODE_CHUNK else key
-        if named in self.breaches or len(self.breaches) < MOST_NAMED:
-            self.breaches[named] += 1
 
     def _read(self) -> None:
         with os.fdopen(self._reading, encoding="utf-8", errors="replace") as lines:
