@@ -1,4 +1,4 @@
-"""The region that holds 95 % of a two-dimensional normal distribution (pure)."""
+"""How surely something is known: the region that holds 95 % of a normal distribution (pure)."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ Floats: TypeAlias = NDArray[np.float64]
 
 CHI_SQUARE_95 = -2.0 * math.log(0.05)
 """95 % quantile of χ² with two degrees of freedom: the square of the 95 % ellipse's scale."""
+
+HEADING_KNOWN_RAD = 0.6
+"""Up to this standard deviation it is told which way somebody faces: wider, it may be anywhere."""
 
 
 def radii95_m(covariance_m2: tuple[float, float, float]) -> tuple[float, float]:

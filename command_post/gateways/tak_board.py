@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from command_post.confidence import radii95_m
+from command_post.confidence import HEADING_KNOWN_RAD, radii95_m
 from command_post.gateways.cot import Shown, alarm_event, dap_event, responder_event
 from command_post.roster import Roster
 from shared.codec import Refusal, decode, parse_key
@@ -21,7 +21,6 @@ CANCELLED_TIMES = 3
 """That an alarm is over is told so often: a client that misses it would sound on."""
 
 SD_TO_95 = 1.96
-HEADING_KNOWN_RAD = 0.6
 _ALARMS = frozenset({"mayday", "fall", "motionless"})
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from command_post.confidence import CHI_SQUARE_95, axes95
+from command_post.confidence import CHI_SQUARE_95, HEADING_KNOWN_RAD, axes95
 from command_post.coverage import Coverage, Site
 from command_post.floors import Floor, floors_of
 from command_post.roster import DapRow, ResponderRow, Roster
@@ -25,9 +25,6 @@ from shared.units import NS_PER_S
 SILENCE_S = 20.0
 SILENT_SPEED_M_S = 0.5
 """Who is not heard for longer than that may have gone on so fast (as the team's fusion has it)."""
-
-HEADING_KNOWN_RAD = 0.6
-"""Nobody is told to turn left who may face anywhere."""
 
 TRAIL_POINTS = 300
 TRAIL_SPACING_M = 0.5
@@ -115,11 +112,10 @@ class Board:
                 view = _view(message)
                 self._told[message.responder_id] = _Told(view, self._now_ns)
                 self._tracks[message.responder_id] = (self.version, view)
-                self._lengthen(message)
                 self._coverage.take(message)
-                place = (message.north_m, message.east_m, message.down_m)
-                time_s = message.event_time_ns / NS_PER_S
-                self._ground.walk(message.responder_id, time_s, place)
+                self._lengthen(view)
+                time_s = view.time_ns / NS_PER_S
+                self._ground.walk(view.responder_id, time_s, _place(view))
             case Alert():
                 self._alerts[message.number] = (self.version, message)
             case OrderAnswer():
@@ -192,9 +188,9 @@ class Board:
             )
             self._tracks[row.responder_id] = (self.version, view)
 
-    def _lengthen(self, track: TrackEstimate) -> None:
-        way = self._trails.setdefault(track.responder_id, deque(maxlen=TRAIL_POINTS))
-        place = (track.north_m, track.east_m, track.down_m)
+    def _lengthen(self, view: TrackView) -> None:
+        way = self._trails.setdefault(view.responder_id, deque(maxlen=TRAIL_POINTS))
+        place = _place(view)
         if not way or max(abs(a - b) for a, b in zip(place, way[-1], strict=True)) >= (
             TRAIL_SPACING_M
         ):
