@@ -88,10 +88,27 @@ class WalkedGround:
         """Return the quickest way from ``place_m`` to where somebody came in, if there is one."""
         return self._way(place_m, self._entrances, heading_rad)
 
-    def way_to(self, place_m: Point, goal_m: Point, heading_rad: float | None = None) -> Way | None:
-        """Return the quickest way from one place to another, if there is one."""
+    def quickest(
+        self, goal_m: Point, rescuers: Iterable[tuple[NodeId, Point, float | None]]
+    ) -> tuple[NodeId, Way] | None:
+        """Return who of ``rescuers`` (id, place, heading) is soonest at ``goal_m``, and their way.
+
+        A way takes as long in either direction: all are found in one search, from its end.
+        """
         goal = self._nearest(goal_m)
-        return None if goal is None else self._way(place_m, [goal], heading_rad)
+        if goal is None:
+            return None
+        seconds, paths = nx.single_source_dijkstra(self._graph, goal, weight=self._seconds)
+        found = []
+        for name, place_m, heading_rad in rescuers:
+            start = self._nearest(place_m)
+            if start is not None and start in seconds:
+                walk_s = seconds[start] + _walk_s(place_m, self._places.made[start].place_m)
+                found.append((walk_s, name, start, place_m, heading_rad))
+        if not found:
+            return None
+        _, name, start, place_m, heading_rad = min(found, key=lambda each: each[0])
+        return name, self._along(place_m, reversed(paths[start]), heading_rad)
 
     def _way(self, place_m: Point, goals: Collection[int], heading_rad: float | None) -> Way | None:
         start = self._nearest(place_m)
@@ -102,8 +119,10 @@ class WalkedGround:
         if not reached:
             return None
         goal = min(reached, key=lambda each: seconds[each])
-        return _told([place_m, *(self._places.made[each].place_m for each in paths[goal])],
-                     heading_rad)  # fmt: skip
+        return self._along(place_m, paths[goal], heading_rad)
+
+    def _along(self, place_m: Point, path: Iterable[int], heading_rad: float | None) -> Way:
+        return _told([place_m, *(self._places.made[each].place_m for each in path)], heading_rad)
 
     def _nearest(self, place_m: Point) -> int | None:
         """Return the walked place nearest to one, of the same storey if there is such."""
@@ -122,15 +141,6 @@ class WalkedGround:
     def _seconds(self, one: int, other: int, _edge: object) -> float:
         a, b = self._places.made[one].place_m, self._places.made[other].place_m
         return _walk_s(a, b)
-
-
-def quickest(
-    ground: WalkedGround, goal_m: Point, rescuers: Iterable[tuple[NodeId, Point, float | None]]
-) -> tuple[NodeId, Way] | None:
-    """Return who of ``rescuers`` (id, place, heading) is soonest at ``goal_m``, and their way."""
-    ways = [(name, ground.way_to(place, goal_m, heading)) for name, place, heading in rescuers]
-    found = [(name, way) for name, way in ways if way is not None]
-    return min(found, key=lambda each: each[1].walk_s) if found else None
 
 
 def _between(start_m: Point, end_m: Point) -> list[Point]:

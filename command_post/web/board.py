@@ -17,7 +17,7 @@ from command_post.confidence import CHI_SQUARE_95, HEADING_KNOWN_RAD, axes95
 from command_post.coverage import Coverage, Site
 from command_post.floors import Floor, floors_of
 from command_post.roster import DapRow, ResponderRow, Roster
-from command_post.ways import Point, WalkedGround, Way, quickest
+from command_post.ways import Point, WalkedGround, Way
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import Alert, NodeId, OrderAnswer, Outline, TrackEstimate, TrackStatus
 from shared.units import NS_PER_S
@@ -155,7 +155,7 @@ class Board:
             for name, (_, view) in sorted(self._tracks.items())
             if name != responder_id and view.status != "lost"
         )
-        return quickest(self._ground, _place(told.view), others)
+        return self._ground.quickest(_place(told.view), others)
 
     def since(self, version: int) -> Changes:
         """Return what has changed since ``version``; since 0, everything, and trails whole."""

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from command_post.ways import CRAWL_M_S, WALK_M_S, Point, WalkedGround, quickest
+from command_post.ways import CRAWL_M_S, WALK_M_S, Point, WalkedGround
 
 STRIDE_M = 1.2
 
@@ -87,7 +87,7 @@ def test_the_rescuer_who_is_soonest_there_is_sent() -> None:
     walk(ground, "r1", [(0, 0, 0), (40, 0, 0)])
     walk(ground, "r2", [(0, 0, 0), (20, 0, 0), (20, 18, 0)])
     goal: Point = (30.0, 0.0, 0.0)
-    sent = quickest(ground, goal, [("r2", (20.0, 18.0, 0.0), None), ("r1", (5.0, 0.0, 0.0), None)])
+    sent = ground.quickest(goal, [("r2", (20.0, 18.0, 0.0), None), ("r1", (5.0, 0.0, 0.0), None)])
     assert sent is not None
     assert sent[0] == "r1"
     (leg,) = sent[1].legs
