@@ -177,19 +177,20 @@ class _Api:
 
     async def state(self, request: Request) -> Response:
         self._may(request, "viewer")
-        return _json(self._site.page.since(0))
+        return _json(await asyncio.to_thread(self._site.page.since, 0))
 
     async def features(self, request: Request) -> Response:
         self._may(request, "viewer")
         if self._site.origin is None:
             why = "nobody has said where on the Earth this is: start the post with --origin"
             raise _RefusedError(HTTPStatus.NOT_FOUND, why)
-        return _json(self._site.page.features(self._site.origin), media_type="application/geo+json")
+        collection = await asyncio.to_thread(self._site.page.features, self._site.origin)
+        return _json(collection, media_type="application/geo+json")
 
     async def way_out(self, request: Request) -> Response:
         self._may(request, "viewer")
         responder_id = request.path_params["responder_id"]
-        way = self._site.page.way_out(responder_id)
+        way = await asyncio.to_thread(self._site.page.way_out, responder_id)
         if way is None:
             raise _RefusedError(HTTPStatus.NOT_FOUND, f"no way out of {responder_id} was walked")
         return _json({"who": responder_id, "way": way})
@@ -197,7 +198,7 @@ class _Api:
     async def rescue(self, request: Request) -> Response:
         self._may(request, "viewer")
         responder_id = request.path_params["responder_id"]
-        sent = self._site.page.rescue(responder_id)
+        sent = await asyncio.to_thread(self._site.page.rescue, responder_id)
         if sent is None:
             raise _RefusedError(HTTPStatus.NOT_FOUND, f"nobody's way to {responder_id} was walked")
         return _json({"who": sent[0], "way": sent[1]})

@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import msgspec
 
-from command_post.confidence import CHI_SQUARE_95, HEADING_KNOWN_RAD, axes95
+from command_post.confidence import CHI_SQUARE_95, axes95
 from command_post.coverage import Coverage, Site
 from command_post.floors import Floor, floors_of
 from command_post.roster import DapRow, ResponderRow, Roster
-from command_post.ways import Point, WalkedGround, Way
+from command_post.roster_json import roster_json
+from command_post.ways import Point
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import Alert, NodeId, OrderAnswer, Outline, TrackEstimate, TrackStatus
 from shared.units import NS_PER_S
@@ -92,7 +93,6 @@ class Board:
         self._alerts: dict[int, tuple[int, Alert]] = {}
         self._answers: deque[tuple[int, OrderAnswer]] = deque(maxlen=MOST_ANSWERS)
         self.daps: tuple[DapRow, ...] = ()
-        self._ground = WalkedGround()
         self._roster: tuple[int, msgspec.Raw] = (0, msgspec.Raw(b"null"))
         self._floors: tuple[int, list[Floor]] = (0, [])
         self._coverage = Coverage()
@@ -114,19 +114,17 @@ class Board:
                 self._tracks[message.responder_id] = (self.version, view)
                 self._coverage.take(message)
                 self._lengthen(view)
-                time_s = view.time_ns / NS_PER_S
-                self._ground.walk(view.responder_id, time_s, _place(view))
             case Alert():
                 self._alerts[message.number] = (self.version, message)
             case OrderAnswer():
                 self._answers.append((self.version, message))
 
-    def show(self, roster: Roster, encoded: bytes) -> None:
-        """Take in the roster, and as it was ``encoded`` in JSON."""
+    def show(self, roster: Roster) -> None:
+        """Take in the newest roster."""
         self.version += 1
         self._now_ns = roster.now_ns
         self.daps = roster.daps
-        self._roster = (self.version, msgspec.Raw(encoded))
+        self._roster = (self.version, msgspec.Raw(roster_json(roster)))
         self._grow(roster.responders)
         floors = floors_of(
             [*(view.floor_down_m for _, view in self._tracks.values()),
@@ -137,25 +135,6 @@ class Board:
         sites = self._coverage.sites(dap.position for dap in roster.daps if dap.position)
         if sites != self._sites[1]:
             self._sites = (self.version, sites)
-
-    def way_out(self, responder_id: NodeId) -> Way | None:
-        """Return the quickest way that somebody has out, if one was walked."""
-        told = self._told.get(responder_id)
-        if told is None:
-            return None
-        return self._ground.way_out(_place(told.view), _heading(told.view))
-
-    def rescue(self, responder_id: NodeId) -> tuple[NodeId, Way] | None:
-        """Return who of the others is soonest there, and by what way, if there is any."""
-        told = self._told.get(responder_id)
-        if told is None:
-            return None
-        others = (
-            (name, _place(view), _heading(view))
-            for name, (_, view) in sorted(self._tracks.items())
-            if name != responder_id and view.status != "lost"
-        )
-        return self._ground.quickest(_place(told.view), others)
 
     def since(self, version: int) -> Changes:
         """Return what has changed since ``version``; since 0, everything, and trails whole."""
@@ -199,10 +178,6 @@ class Board:
 
 def _place(view: TrackView) -> Point:
     return (view.north_m, view.east_m, view.down_m)
-
-
-def _heading(view: TrackView) -> float | None:
-    return view.heading_rad if view.heading_sd_rad < HEADING_KNOWN_RAD else None
 
 
 def _silent_m2(silent_s: float) -> float:

@@ -1,4 +1,8 @@
-"""Between the post and its page: what is shown goes one way, what people ask for the other."""
+"""Between the post and its page: what is shown goes one way, what people ask for the other.
+
+The post leaves what it says and goes on; the page's own threads make something of it. A search for
+a way takes long, and holds up neither the post nor those who only watch.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,10 @@ import time
 
 from command_post.gateways.geojson import Feature, Scene, feature_collection
 from command_post.roster import Roster
-from command_post.roster_json import roster_json
 from command_post.ways import Way
 from command_post.web.board import Board, Changes
+from command_post.web.handover import Handover
+from command_post.web.pathfinder import Pathfinder
 from shared.bus.inbox import Inbox
 from shared.codec import encode
 from shared.geodesy import Origin
@@ -17,6 +22,9 @@ from shared.messages import Message, NodeId
 from shared.topics import TOPICS, Key
 
 MOST_REQUESTS = 256
+KEEP_UP_S = 0.5
+"""So often at least is taken in what the post has left, whether anybody looks or not."""
+
 NS_PER_MS = 1_000_000
 
 _TOPIC_OF = {topic.message: topic.name for topic in TOPICS.values()}
@@ -27,7 +35,8 @@ class Page:
 
     def __init__(self, incident: NodeId) -> None:
         self._incident = incident
-        self._board = Board()
+        self._board = Handover(Board())
+        self._paths = Handover(Pathfinder())
         self._lock = threading.Lock()
         self._requests: Inbox[tuple[str, bytes]] = Inbox(MOST_REQUESTS)
         self._last_number = 0
@@ -35,36 +44,48 @@ class Page:
 
     def published(self, key_text: str, payload: bytes) -> None:
         """Take in what the post has published."""
-        with self._lock:
-            self._board.publish(key_text, payload)
+        self._board.published(key_text, payload)
+        self._paths.published(key_text, payload)
 
     def show(self, roster: Roster) -> None:
         """Take in the newest roster."""
-        encoded = roster_json(roster)
-        with self._lock:
-            self._now_ns = roster.now_ns
-            self._board.show(roster, encoded)
+        self._now_ns = roster.now_ns
+        self._board.show(roster)
+        self._paths.show(roster)
+
+    def keep_up(self, stop: threading.Event) -> None:
+        """Take in what was left, although nobody may look, until ``stop`` is set."""
+        while not stop.wait(KEEP_UP_S):
+            with self._board.now():
+                pass
+            with self._paths.now():
+                pass
 
     def since(self, version: int) -> Changes:
         """Return what has changed since ``version`` of the board."""
-        with self._lock:
-            return self._board.since(version)
+        with self._board.now() as board:
+            return board.since(version)
 
     def features(self, origin: Origin) -> Feature:
         """Return who and what is where, as GeoJSON."""
-        with self._lock:
-            whole, daps = self._board.since(0), self._board.daps
+        with self._board.now() as board:
+            whole, daps = board.since(0), board.daps
         return feature_collection(Scene(whole.tracks, whole.trails or {}, daps), origin)
 
     def way_out(self, responder_id: NodeId) -> Way | None:
         """Return the quickest way that somebody has out, if one was walked."""
-        with self._lock:
-            return self._board.way_out(responder_id)
+        with self._paths.now() as paths:
+            return paths.way_out(responder_id)
 
     def rescue(self, responder_id: NodeId) -> tuple[NodeId, Way] | None:
         """Return who of the others is soonest there, and by what way, if there is any."""
-        with self._lock:
-            return self._board.rescue(responder_id)
+        with self._paths.now() as paths:
+            return paths.rescue(responder_id)
+
+    @property
+    def dropped(self) -> int:
+        """How many messages of the post the page has not taken in time."""
+        return self._board.dropped
 
     @property
     def now_ns(self) -> int:

@@ -68,8 +68,13 @@ def page_served(
     site = Site(incident, post_id, page, door, secure=secure, hosts=hosts, origin=origin)
     listening = _listen(address)
     server = _server(site, bundle if secure else None)
-    thread = threading.Thread(target=server.run, args=([listening],), name="page")
-    thread.start()
+    stop = threading.Event()
+    threads = [
+        threading.Thread(target=server.run, args=([listening],), name="page"),
+        threading.Thread(target=page.keep_up, args=(stop,), name="page-keeper"),
+    ]
+    for thread in threads:
+        thread.start()
     port = listening.getsockname()[1]
     host = f"[{address.host}]" if ":" in address.host else address.host
     _log.info("the page is served", url=f"http{'s' if secure else ''}://{host}:{port}/")
@@ -77,7 +82,9 @@ def page_served(
         yield page
     finally:
         server.should_exit = True
-        thread.join()
+        stop.set()
+        for thread in threads:
+            thread.join()
         listening.close()
 
 

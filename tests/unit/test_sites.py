@@ -8,7 +8,6 @@ import pytest
 
 from command_post.coverage import COVERED_M, MOST_CELLS, Coverage, Site
 from command_post.roster import DapRow, Roster
-from command_post.roster_json import roster_json
 from command_post.web.board import Board
 from shared.codec import encode
 from shared.messages import LocalPosition, TrackEstimate
@@ -87,9 +86,9 @@ def test_the_page_is_told_of_sites_once_they_change() -> None:
     place = dap(0.0, 0.0)
     row = DapRow("dap1", "installed", "at a known point", place, (0.2, 0.2), 1.0, None, None)
     roster = Roster(10**9, (), (row,))
-    board.show(roster, roster_json(roster))
+    board.show(roster)
     told = board.since(0)
     assert told.sites
     assert isinstance(told.sites[0], Site)
-    board.show(roster, roster_json(roster))
+    board.show(roster)
     assert board.since(told.version).sites is None

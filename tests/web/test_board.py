@@ -8,7 +8,6 @@ import pytest
 
 from command_post.confidence import CHI_SQUARE_95
 from command_post.roster import ResponderRow, Roster
-from command_post.roster_json import roster_json
 from command_post.web.board import SILENCE_S, SILENT_SPEED_M_S, TRAIL_POINTS, Board
 from shared.codec import encode
 from shared.messages import Alert, FloorShare, TrackEstimate
@@ -30,7 +29,7 @@ def track(at_s: float, north_m: float, responder_id: str = "r1", down_m: float =
 
 def show(board: Board, now_s: float, *rows: ResponderRow) -> None:
     roster = Roster(round(now_s * NS_PER_S), rows, ())
-    board.show(roster, roster_json(roster))
+    board.show(roster)
 
 
 def silent(for_s: float) -> ResponderRow:
