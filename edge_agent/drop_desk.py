@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ _log = structlog.stdlib.get_logger(__name__)
 
 
 class Beacon(NamedTuple):
-    """A reading of a DAP's signal strength (dBm) at the unit."""
+    """A reading of a DAP's signal strength (dBm) at the unit, on the product's scale."""
 
     time_ns: int
     dap_id: NodeId
@@ -26,25 +27,30 @@ class Beacon(NamedTuple):
 class DropDesk:
     """Lets the adviser know of movements and DAPs heard, and passes on what it advises.
 
-    ``boxes`` are what the wearer carries in.
+    ``boxes`` are what the wearer carries in. Movements come on one thread; DAPs may be heard on
+    another, that of the unit's radio.
     """
 
     def __init__(self, sender: Sender, boxes: int, tell: Callable[[Advice], None]) -> None:
         self._sender = sender
         self._adviser = DropAdviser(boxes)
+        self._one_at_a_time = threading.Lock()
         self._tell = tell
 
     def hear(self, beacon: Beacon) -> None:
         """Take in how loud a DAP is."""
-        self._adviser.hear(*beacon)
+        with self._one_at_a_time:
+            self._adviser.hear(*beacon)
 
     def move(self, increment: OdometryIncrement) -> None:
         """Take in a movement; tell the wearer and the post what follows from it, if anything."""
-        advice = self._adviser.move(
-            increment.event_time_ns,
-            (increment.d_north_m, increment.d_east_m, increment.d_down_m),
-            increment.activity,
-        )
+        with self._one_at_a_time:
+            advice = self._adviser.move(
+                increment.event_time_ns,
+                (increment.d_north_m, increment.d_east_m, increment.d_down_m),
+                increment.activity,
+            )
+            boxes = self._adviser.boxes
         if advice is None:
             return
         self._tell(advice)
@@ -54,7 +60,7 @@ class DropDesk:
                 sequence=self._sender.next_sequence(DropAdvice),
                 urgency=advice.urgency,
                 reason=advice.reason,
-                boxes_left=self._adviser.boxes,
+                boxes_left=boxes,
             )
         )
 

@@ -8,6 +8,7 @@ from typing import Self
 
 import structlog
 
+from edge_agent.drop_desk import Beacon, DropDesk
 from edge_agent.radio_watch import RadioWatch
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Received
@@ -29,7 +30,8 @@ _log = structlog.stdlib.get_logger(__name__)
 class RadioDesk:
     """Says which DAPs the wearer passes and whom they meet, as the unit's radio hears them.
 
-    Without sources it does nothing.
+    The ``drop_desk`` of a wearer who carries DAPs hears how loud each is, too. Without sources it
+    does nothing.
     """
 
     def __init__(
@@ -38,8 +40,12 @@ class RadioDesk:
         sources: Sequence[LiveSource[RadioScan]],
         kept: KeptStations,
         offset_db: float = 0.0,
+        drop_desk: DropDesk | None = None,
     ) -> None:
+        """``offset_db`` is added to what is heard: see ``RadioWatch``."""
         self._sources = sources
+        self._offset_db = offset_db
+        self._drop_desk = drop_desk
         self._kept = kept
         self._clock = node.clock
         self._sender = node.sender()
@@ -71,6 +77,9 @@ class RadioDesk:
         self._last_ns = max(self._last_ns, scan.time_ns)
         passed = self._watch.take(scan._replace(time_ns=self._last_ns))
         for heard in passed.readings:
+            if self._drop_desk is not None:
+                calibrated_dbm = heard.rssi_dbm + self._offset_db
+                self._drop_desk.hear(Beacon(heard.time_ns, heard.node_id, calibrated_dbm))
             number = self._sender.next_sequence(DapReading)
             self._sender.send(
                 DapReading(

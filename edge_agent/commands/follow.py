@@ -179,10 +179,11 @@ def run(
             )  # fmt: skip
             sender = node.sender()
             place = _place(start) or opened.start
+            drop_desk = _drop_desk(sender, daps)
             agent = Agent(
                 sender, follower, method or default_method(mount), place, worn=mount,
                 sends_imu=imu, stands_at=known_point, keeps=lambda: outbox.fault is None,
-                drop_desk=_drop_desk(sender, daps),
+                drop_desk=drop_desk,
             )  # fmt: skip
             if outbox.broken_off and outbox.newest(sender.key(TrackStart)) is not None:
                 _log.warning("goes on where it was broken off: the post knows where they stand")
@@ -192,7 +193,7 @@ def run(
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement),
                 _order_desk(node, check_id(post_id, "--post"), acknowledged, node_time),
-                RadioDesk(node, radios, KeptStations(kept), radio_offset),
+                RadioDesk(node, radios, KeptStations(kept), radio_offset, drop_desk),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
                 if await_start:
