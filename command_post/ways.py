@@ -15,6 +15,7 @@ from typing import Literal, TypeAlias
 import msgspec
 import networkx as nx
 
+from command_post.floors import APART_M
 from command_post.fusion.track_map import JOIN_DOWN_M, SPACING_M, STEEP, Places
 from shared.maths.angles import wrap_rad
 from shared.messages import NodeId
@@ -35,6 +36,9 @@ CRAWL_M_S = 0.35
 STAIRS_SLOWER = 2.0
 STRAIGHT_M = 1.0
 """A way that bends by less is straight."""
+
+LANDING_M = 4.0
+"""So long a level stretch between two flights the same way is their landing."""
 
 TURNS_RAD = math.radians(35.0)
 AROUND_RAD = math.radians(135.0)
@@ -174,21 +178,21 @@ def _told(places_m: Sequence[Point], heading_rad: float | None) -> Way:
         length_m=sum(math.dist(a, b) for a, b in pairs),
         walk_s=walk_s,
         crawl_s=walk_s * WALK_M_S / CRAWL_M_S,
-        legs=tuple(_legs(_straightened(places_m), heading_rad)),
+        legs=tuple(_legs(_levelled(places_m), heading_rad)),
     )
 
 
-def _straightened(places_m: Sequence[Point]) -> list[Point]:
-    """Return the corners of a way (Ramer, Douglas and Peucker), level or not."""
-    if len(places_m) < 3:
-        return list(places_m)
-    start, end = places_m[0], places_m[-1]
-    offs_m = [_off_line_m(place, start, end) for place in places_m[1:-1]]
+def _corners(places_m: Sequence[Point], first: int, last: int) -> list[int]:
+    """Return which places of a way are its corners (Ramer, Douglas and Peucker), level or not."""
+    if last - first < 2:
+        return [first, last]
+    start, end = places_m[first], places_m[last]
+    offs_m = [_off_line_m(place, start, end) for place in places_m[first + 1 : last]]
     most_m = max(offs_m)
     if most_m <= STRAIGHT_M:
-        return [start, end]
-    corner = offs_m.index(most_m) + 1
-    return _straightened(places_m[: corner + 1])[:-1] + _straightened(places_m[corner:])
+        return [first, last]
+    corner = first + 1 + offs_m.index(most_m)
+    return _corners(places_m, first, corner)[:-1] + _corners(places_m, corner, last)
 
 
 def _off_line_m(place: Point, start: Point, end: Point) -> float:
@@ -201,24 +205,70 @@ def _off_line_m(place: Point, start: Point, end: Point) -> float:
     return math.dist(place, foot)
 
 
-def _legs(corners_m: Sequence[Point], heading_rad: float | None) -> list[Leg]:
-    legs: list[Leg] = []
-    facing_rad = heading_rad
-    for a, b in itertools.pairwise(corners_m):
-        bearing_rad = math.atan2(b[1] - a[1], b[0] - a[0])
-        turn = _turn(a, b, facing_rad, bearing_rad)
-        length_m = math.dist(a, b)
-        if turn == "on" and legs and legs[-1].turn not in ("upstairs", "downstairs"):
-            legs[-1] = Leg(legs[-1].turn, legs[-1].length_m + length_m)
+def _climbs(places_m: Sequence[Point], corners: Sequence[int]) -> list[tuple[int, int]]:
+    """Return from where to where a way goes up or down to another storey, landings included.
+
+    Tracks of one storey are held to be at heights that differ: a step between two is no stair.
+    """
+    runs: list[tuple[int, int]] = []
+    for a, b in itertools.pairwise(corners):
+        if not _is_steep(places_m[a], places_m[b]):
+            continue
+        if runs and _goes_on(places_m, runs[-1], (a, b)):
+            runs[-1] = (runs[-1][0], b)
         else:
-            legs.append(Leg(turn, length_m))
-        facing_rad = bearing_rad
+            runs.append((a, b))
+    return [(a, b) for a, b in runs if abs(places_m[b][2] - places_m[a][2]) > APART_M]
+
+
+def _goes_on(places_m: Sequence[Point], run: tuple[int, int], piece: tuple[int, int]) -> bool:
+    """Whether a steep piece goes the same way as the run before it, and soon after it."""
+    (a, b), (c, d) = run, piece
+    rises = (places_m[b][2] - places_m[a][2]) * (places_m[d][2] - places_m[c][2]) > 0.0
+    between = itertools.pairwise(places_m[b : c + 1])
+    return rises and sum(math.dist(one, other) for one, other in between) <= LANDING_M
+
+
+def _levelled(places_m: Sequence[Point]) -> list[Point]:
+    """Return a way that changes its height on stairs alone."""
+    climbs = _climbs(places_m, _corners(places_m, 0, len(places_m) - 1))
+    on_stairs = {number for a, b in climbs for number in range(a + 1, b + 1)}
+    down_m = places_m[0][2]
+    level_m = []
+    for number, (north_m, east_m, _) in enumerate(places_m):
+        if number in on_stairs:
+            down_m += places_m[number][2] - places_m[number - 1][2]
+        level_m.append((north_m, east_m, down_m))
+    return level_m
+
+
+def _legs(places_m: Sequence[Point], heading_rad: float | None) -> list[Leg]:
+    """Return the legs of a way that is levelled; a stair with its landings is one."""
+    corners = _corners(places_m, 0, len(places_m) - 1)
+    climbs = dict(_climbs(places_m, corners))
+    legs: list[Leg] = []
+    facing_rad, at = heading_rad, 0
+    while at < len(corners) - 1:
+        first = corners[at]
+        last = climbs.get(first, corners[at + 1])
+        stops = corners[at : corners.index(last) + 1]
+        a, b = places_m[stops[-2]], places_m[last]
+        bearing_rad = math.atan2(b[1] - a[1], b[0] - a[0])
+        length_m = sum(math.dist(places_m[i], places_m[j]) for i, j in itertools.pairwise(stops))
+        if first in climbs:
+            rises = places_m[last][2] < places_m[first][2]
+            legs.append(Leg("upstairs" if rises else "downstairs", length_m))
+        else:
+            turn = _turn(facing_rad, bearing_rad)
+            if turn == "on" and legs and legs[-1].turn not in ("upstairs", "downstairs"):
+                legs[-1] = Leg(legs[-1].turn, legs[-1].length_m + length_m)
+            else:
+                legs.append(Leg(turn, length_m))
+        facing_rad, at = bearing_rad, at + len(stops) - 1
     return legs
 
 
-def _turn(a: Point, b: Point, facing_rad: float | None, bearing_rad: float) -> Turn:
-    if _is_steep(a, b):
-        return "upstairs" if b[2] < a[2] else "downstairs"
+def _turn(facing_rad: float | None, bearing_rad: float) -> Turn:
     turned_rad = 0.0 if facing_rad is None else wrap_rad(bearing_rad - facing_rad)
     if abs(turned_rad) >= AROUND_RAD:
         return "around"

@@ -65,6 +65,29 @@ def test_stairs_are_told_and_take_longer() -> None:
     assert way.walk_s > way.length_m / WALK_M_S + 4.0
 
 
+def test_a_stair_with_a_landing_is_one_leg() -> None:
+    ground = WalkedGround()
+    walk(ground, "r1", [(0, 0, 0), (10, 0, 0), (13, 0, -1.7), (13, 2, -1.7), (10, 2, -3.4)])
+    walk(ground, "r1", [(10, 2, -3.4), (0, 2, -3.4)])
+    way = ground.way_out((0.0, 2.0, -3.4), heading_rad=0.0)
+    assert way is not None
+    assert [leg.turn for leg in way.legs] == ["on", "downstairs", "on"]
+    assert way.legs[1].length_m == pytest.approx(2 * math.hypot(3.0, 1.7) + 2.0, abs=2.0)
+
+
+def test_where_the_heights_of_two_tracks_differ_there_are_no_stairs() -> None:
+    ground = WalkedGround()
+    walk(ground, "r1", [(0, 0, 0), (20, 0, 0)])
+    # Joined where they cross, nearly two metres lower soon after.
+    walk(ground, "r2", [(10, 0, 0.9), (10, 2, 1.9), (10, 15, 1.9)])
+    way = ground.way_out((20.0, 0.0, 0.0), heading_rad=math.pi)
+    assert way is not None
+    assert not {leg.turn for leg in way.legs} & {"upstairs", "downstairs"}
+    down = ground.quickest((10.0, 15.0, 1.9), [("r1", (20.0, 0.0, 0.0), math.pi)])
+    assert down is not None
+    assert [leg.turn for leg in down[1].legs] == ["on", "left"]
+
+
 def test_where_an_estimate_leapt_there_is_no_way() -> None:
     ground = WalkedGround()
     walk(ground, "r1", [(0, 0, 0), (10, 0, 0)])
