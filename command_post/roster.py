@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from typing import Annotated, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Literal, NamedTuple, Protocol, TypeAlias
 
 import msgspec
 from msgspec import Meta
@@ -12,8 +12,7 @@ from command_post.confidence import radii95_m
 from command_post.freshness import Freshness
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
-from command_post.incident import Incident
-from command_post.orders import Unacknowledged
+from command_post.orders import Orders, Unacknowledged
 from command_post.told import LastMovement, RaisedAlarm
 from shared.gate import Turned
 from shared.messages import Activity, Alarm, AlarmKind, LocalPosition, NodeHealth, Order
@@ -125,8 +124,46 @@ class Roster(NamedTuple):
     remarks: tuple[str, ...] = ()
 
 
+class Whereabouts(Protocol):
+    """What a roster is made of: an incident, or what a recording tells of one.
+
+    Each is as ``command_post.incident.Incident`` has it.
+    """
+
+    @property
+    def estimates(self) -> Mapping[str, Estimate]:
+        """The newest estimate of every responder, by id."""
+
+    @property
+    def daps(self) -> Mapping[str, InstalledDap]:
+        """The DAPs that stand, by id."""
+
+    @property
+    def heard_ns(self) -> Mapping[tuple[Role, str], int]:
+        """When each responder and DAP was last heard."""
+
+    @property
+    def alarms(self) -> Mapping[str, Mapping[AlarmKind, RaisedAlarm]]:
+        """The newest of each kind of alarm, by responder."""
+
+    @property
+    def health(self) -> Mapping[str, NodeHealth]:
+        """What each responder's unit last said of its sensor."""
+
+    @property
+    def movements(self) -> Mapping[str, LastMovement]:
+        """The newest movement of each responder."""
+
+    @property
+    def orders(self) -> Orders:
+        """What has been ordered, and who has not acknowledged it."""
+
+    def faults(self, role: Role, node_id: str, now_ns: int) -> list[str]:
+        """Return what is wrong with a node, in words."""
+
+
 def make_roster(
-    incident: Incident,
+    incident: Whereabouts,
     now_ns: int,
     settings: RosterSettings,
     alive: Collection[tuple[Role, str]] | None = None,
@@ -196,7 +233,7 @@ class _View(NamedTuple):
 
 
 def _responder_row(
-    responder_id: str, estimate: Estimate | None, incident: Incident, view: _View
+    responder_id: str, estimate: Estimate | None, incident: Whereabouts, view: _View
 ) -> ResponderRow:
     tied_age_s = view.said_age_s(estimate.last_proximity_time_ns) if estimate else None
     status, reason = _responder_status(responder_id, estimate, tied_age_s, view)
@@ -272,7 +309,7 @@ def _responder_status(
     return "tracking", f"a DAP was near {tied_age_s:.0f} s ago"
 
 
-def _dap_row(dap_id: str, dap: InstalledDap | None, incident: Incident, view: _View) -> DapRow:
+def _dap_row(dap_id: str, dap: InstalledDap | None, incident: Whereabouts, view: _View) -> DapRow:
     why_lost = view.why_lost("dap", dap_id)
     status: DapStatus
     if why_lost is not None:

@@ -11,7 +11,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from http import HTTPStatus
 from importlib.resources import files
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, Literal, NamedTuple, TypeAlias, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -22,6 +22,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from command_post.web.answers import RefusedError, body_of, json_answer, tell_refusal
 from command_post.web.board import Changes
 from command_post.web.guard import Guard
 from command_post.web.page import Page
@@ -41,7 +42,6 @@ from shared.messages import (
 TICK_S = 0.1
 """Whoever watches is told of changes so often."""
 
-MOST_BODY_BYTES = 65_536
 COOKIE = "clew_session"
 TOKEN_HEADER = "x-clew-token"  # noqa: S105
 
@@ -97,14 +97,6 @@ class Site(NamedTuple):
     origin: Origin | None = None
 
 
-class _RefusedError(Exception):
-    """A request that is not done, and why."""
-
-    def __init__(self, status: HTTPStatus, why: str) -> None:
-        super().__init__(why)
-        self.status = status
-
-
 def make_app(site: Site, ends: Callable[[], bool]) -> Starlette:
     """Return the page of ``site``; its streams end once ``ends`` says so."""
     api = _Api(site, ends)
@@ -115,7 +107,7 @@ def make_app(site: Site, ends: Callable[[], bool]) -> Starlette:
             Mount("/", StaticFiles(directory=str(static), html=True)),
         ],
         middleware=[Middleware(Guard, hosts=site.hosts)],
-        exception_handlers={_RefusedError: _tell_refusal},
+        exception_handlers={RefusedError: tell_refusal},
     )
 
 
@@ -148,20 +140,20 @@ class _Api:
         told: dict[str, object] = {"incident": self._site.incident, "post": self._site.post_id}
         if session is not None:
             told |= {"name": session.name, "role": session.role, "token": session.token}
-        return _json(told)
+        return json_answer(told)
 
     async def sign_in(self, request: Request) -> Response:
-        door, given = self._site.door, await _body(request, SignIn)
+        door, given = self._site.door, await body_of(request, SignIn)
         if door is None:
-            return _json({})
+            return json_answer({})
         entered = await asyncio.to_thread(
             door.sign_in, given.name, given.password, time.monotonic()
         )
         if entered is None:
-            raise _RefusedError(
+            raise RefusedError(
                 HTTPStatus.FORBIDDEN, "name or password is wrong, or tried too often"
             )
-        response = _json({"name": entered[1].name, "role": entered[1].role})
+        response = json_answer({"name": entered[1].name, "role": entered[1].role})
         response.set_cookie(
             COOKIE, entered[0], httponly=True, samesite="strict", secure=self._site.secure
         )
@@ -171,37 +163,37 @@ class _Api:
         self._may(request, "viewer", changes=True)
         if self._site.door is not None:
             self._site.door.sign_out(request.cookies.get(COOKIE))
-        response = _json({})
+        response = json_answer({})
         response.delete_cookie(COOKIE)
         return response
 
     async def state(self, request: Request) -> Response:
         self._may(request, "viewer")
-        return _json(await asyncio.to_thread(self._site.page.since, 0))
+        return json_answer(await asyncio.to_thread(self._site.page.since, 0))
 
     async def features(self, request: Request) -> Response:
         self._may(request, "viewer")
         if self._site.origin is None:
             why = "nobody has said where on the Earth this is: start the post with --origin"
-            raise _RefusedError(HTTPStatus.NOT_FOUND, why)
+            raise RefusedError(HTTPStatus.NOT_FOUND, why)
         collection = await asyncio.to_thread(self._site.page.features, self._site.origin)
-        return _json(collection, media_type="application/geo+json")
+        return json_answer(collection, media_type="application/geo+json")
 
     async def way_out(self, request: Request) -> Response:
         self._may(request, "viewer")
         responder_id = request.path_params["responder_id"]
         way = await asyncio.to_thread(self._site.page.way_out, responder_id)
         if way is None:
-            raise _RefusedError(HTTPStatus.NOT_FOUND, f"no way out of {responder_id} was walked")
-        return _json({"who": responder_id, "way": way})
+            raise RefusedError(HTTPStatus.NOT_FOUND, f"no way out of {responder_id} was walked")
+        return json_answer({"who": responder_id, "way": way})
 
     async def rescue(self, request: Request) -> Response:
         self._may(request, "viewer")
         responder_id = request.path_params["responder_id"]
         sent = await asyncio.to_thread(self._site.page.rescue, responder_id)
         if sent is None:
-            raise _RefusedError(HTTPStatus.NOT_FOUND, f"nobody's way to {responder_id} was walked")
-        return _json({"who": sent[0], "way": sent[1]})
+            raise RefusedError(HTTPStatus.NOT_FOUND, f"nobody's way to {responder_id} was walked")
+        return json_answer({"who": sent[0], "way": sent[1]})
 
     async def events(self, request: Request) -> Response:
         self._may(request, "viewer")
@@ -215,7 +207,7 @@ class _Api:
 
     async def order(self, request: Request) -> Response:
         session = self._may(request, "commander", changes=True)
-        given = await _body(request, OrderBody)
+        given = await body_of(request, OrderBody)
         return self._asked(
             session,
             OrderRequest(
@@ -226,7 +218,7 @@ class _Api:
 
     async def alert(self, request: Request) -> Response:
         session = self._may(request, "operator", changes=True)
-        given = await _body(request, AlertBody)
+        given = await body_of(request, AlertBody)
         return self._asked(
             session,
             AlertRequest(
@@ -238,7 +230,7 @@ class _Api:
 
     async def click(self, request: Request) -> Response:
         session = self._may(request, "commander", changes=True)
-        given = await _body(request, ClickBody)
+        given = await body_of(request, ClickBody)
         place = LocalPosition(
             north_m=given.north_m, east_m=given.east_m, down_m=given.down_m,
             covariance_m2=(given.sd_m**2, 0.0, given.sd_m**2),
@@ -268,7 +260,7 @@ class _Api:
     def _asked(self, session: Session, message: Message) -> Response:
         self._site.page.ask(session.name, message)
         told = {"by": session.name, "sequence": message.sequence}
-        return _json(told, HTTPStatus.ACCEPTED)
+        return json_answer(told, HTTPStatus.ACCEPTED)
 
     def _session(self, request: Request) -> Session | None:
         if self._site.door is None:
@@ -278,11 +270,11 @@ class _Api:
     def _may(self, request: Request, role: Role, *, changes: bool = False) -> Session:
         session = self._session(request)
         if session is None:
-            raise _RefusedError(HTTPStatus.UNAUTHORIZED, "sign in first")
+            raise RefusedError(HTTPStatus.UNAUTHORIZED, "sign in first")
         if changes and request.headers.get(TOKEN_HEADER) != session.token:
-            raise _RefusedError(HTTPStatus.FORBIDDEN, f"give the session's token in {TOKEN_HEADER}")
+            raise RefusedError(HTTPStatus.FORBIDDEN, f"give the session's token in {TOKEN_HEADER}")
         if not session.may(role):
-            raise _RefusedError(HTTPStatus.FORBIDDEN, f"a {session.role} may not; a {role} may")
+            raise RefusedError(HTTPStatus.FORBIDDEN, f"a {session.role} may not; a {role} may")
         return session
 
 
@@ -303,36 +295,3 @@ class _Frames:
             changes: Changes = self._page.since(version)
             self._made[version] = (changes.version, msgspec.json.encode(changes))
         return self._made[version]
-
-
-async def _body(request: Request, kind: type[T]) -> T:
-    """Return what a request brings; refuse what is too long or not as it must be."""
-    if not request.headers.get("content-type", "").startswith("application/json"):
-        raise _RefusedError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send application/json")
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > MOST_BODY_BYTES:
-            raise _RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "send less")
-    try:
-        return msgspec.json.decode(body, type=kind)
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        raise _RefusedError(HTTPStatus.BAD_REQUEST, str(error)) from None
-
-
-async def _tell_refusal(_: Request, refused: Exception) -> Response:
-    status = refused.status if isinstance(refused, _RefusedError) else HTTPStatus.BAD_REQUEST
-    return _json({"error": str(refused)}, status)
-
-
-def _json(
-    told: Any,
-    status: HTTPStatus = HTTPStatus.OK,
-    media_type: str = "application/json",
-) -> Response:
-    return Response(
-        msgspec.json.encode(told),
-        status_code=status,
-        media_type=media_type,
-        headers={"Cache-Control": "no-store"},
-    )

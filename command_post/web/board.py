@@ -109,7 +109,7 @@ class Board:
         self.version += 1
         match message:
             case TrackEstimate():
-                view = _view(message)
+                view = track_view(message)
                 self._told[message.responder_id] = _Told(view, self._now_ns)
                 self._tracks[message.responder_id] = (self.version, view)
                 self._coverage.take(message)
@@ -155,17 +155,10 @@ class Board:
         """Have those who are not heard be somewhere in a region that grows."""
         for row in rows:
             told = self._told.get(row.responder_id)
-            if told is None or row.status != "lost" or row.heard_age_s is None:
-                continue
-            since_s = (self._now_ns - told.at_ns) / NS_PER_S
-            grown_m2 = _silent_m2(row.heard_age_s) - _silent_m2(row.heard_age_s - since_s)
-            longer_m, shorter_m = (
-                math.sqrt(axis_m**2 + CHI_SQUARE_95 * grown_m2) for axis_m in told.view.axes95_m
-            )
-            view = msgspec.structs.replace(
-                told.view, axes95_m=(longer_m, shorter_m), status="lost", reason=row.reason
-            )
-            self._tracks[row.responder_id] = (self.version, view)
+            if told is not None:
+                view = grown(told.view, row, (self._now_ns - told.at_ns) / NS_PER_S)
+                if view is not told.view:
+                    self._tracks[row.responder_id] = (self.version, view)
 
     def _lengthen(self, view: TrackView) -> None:
         way = self._trails.setdefault(view.responder_id, deque(maxlen=TRAIL_POINTS))
@@ -180,12 +173,29 @@ def _place(view: TrackView) -> Point:
     return (view.north_m, view.east_m, view.down_m)
 
 
+def grown(view: TrackView, row: ResponderRow, since_s: float) -> TrackView:
+    """Return where somebody is of whom ``view`` was told ``since_s`` ago, and ``row`` is now.
+
+    Who is not heard is somewhere in a region that grows; of others it is as it was told.
+    """
+    if row.status != "lost" or row.heard_age_s is None:
+        return view
+    grown_m2 = _silent_m2(row.heard_age_s) - _silent_m2(row.heard_age_s - since_s)
+    longer_m, shorter_m = (
+        math.sqrt(axis_m**2 + CHI_SQUARE_95 * grown_m2) for axis_m in view.axes95_m
+    )
+    return msgspec.structs.replace(
+        view, axes95_m=(longer_m, shorter_m), status="lost", reason=row.reason
+    )
+
+
 def _silent_m2(silent_s: float) -> float:
     """Return the variance each way of where somebody is who has not been heard for so long."""
     return (SILENT_SPEED_M_S * max(silent_s - SILENCE_S, 0.0)) ** 2
 
 
-def _view(track: TrackEstimate) -> TrackView:
+def track_view(track: TrackEstimate) -> TrackView:
+    """Return an estimate as it is drawn."""
     longer_m, shorter_m, bearing_rad = axes95(track.covariance_m2)
     floor = track.floors[0] if track.floors else None
     return TrackView(

@@ -9,7 +9,8 @@ from itertools import pairwise
 import pytest
 from starlette.testclient import TestClient
 
-from command_post.web.app import MOST_BODY_BYTES, Site, make_app
+from command_post.web.answers import MOST_BODY_BYTES
+from command_post.web.app import Site, make_app
 from command_post.web.page import Page
 from command_post.web.people import Door, Person, Role, hashed
 from shared.codec import decode, parse_key

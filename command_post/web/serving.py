@@ -1,0 +1,81 @@
+"""Serves HTTP on a thread of its own, to this machine or encrypted."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeAlias
+
+import structlog
+import uvicorn
+from starlette.applications import Starlette
+
+from command_post.listening import Address
+from shared.security.bundle import CERTIFICATE_FILE, KEY_FILE, Bundle
+
+GOODBYE_S = 1
+"""Whoever is being answered has so long, once the server stops."""
+
+MOST_CONNECTIONS = 256
+LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
+
+Ends: TypeAlias = Callable[[], bool]
+"""Says whether the server is to stop."""
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+@contextmanager
+def served(
+    app_of: Callable[[Ends], Starlette], address: Address, bundle: Bundle | None
+) -> Iterator[None]:
+    """Serve what ``app_of`` returns at ``address`` until the block ends; encrypted by ``bundle``.
+
+    Raises ``OSError`` if nobody can listen there.
+    """
+    listening = _listen(address)
+    server = _server(app_of, bundle)
+    thread = threading.Thread(target=server.run, args=([listening],), name="page")
+    thread.start()
+    port = listening.getsockname()[1]
+    host = f"[{address.host}]" if ":" in address.host else address.host
+    scheme = "http" if bundle is None else "https"
+    _log.info("the page is served", url=f"{scheme}://{host}:{port}/")
+    try:
+        yield
+    finally:
+        server.should_exit = True
+        thread.join()
+        listening.close()
+
+
+def _listen(address: Address) -> socket.socket:
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    try:
+        return socket.create_server((address.host, address.port), family=family)
+    except OSError as error:
+        raise OSError(
+            f"--page {address.host}:{address.port}: cannot listen ({error.strerror}); "
+            "use another port"
+        ) from None
+
+
+def _server(app_of: Callable[[Ends], Starlette], bundle: Bundle | None) -> uvicorn.Server:
+    server: uvicorn.Server | None = None
+    app = app_of(lambda: server is not None and server.should_exit)
+    server = uvicorn.Server(
+        uvicorn.Config(
+            app,
+            log_config=None,
+            access_log=False,
+            lifespan="off",
+            server_header=False,
+            limit_concurrency=MOST_CONNECTIONS,
+            timeout_graceful_shutdown=GOODBYE_S,
+            ssl_certfile=None if bundle is None else bundle.path(CERTIFICATE_FILE),
+            ssl_keyfile=None if bundle is None else bundle.path(KEY_FILE),
+        )
+    )
+    return server
