@@ -33,7 +33,7 @@ _MESSAGE_INDEX_START = struct.Struct("<HI")
 _INDEXED_BYTES = 16
 _CHUNK_START = re.compile(rb"\x06.{36}(?:\x04\0\0\0zstd|\x03\0\0\0lz4)", re.DOTALL)
 _CRC_BLOCK_BYTES = 1 << 20
-_UNREADABLE = (
+UNREADABLE = (
     McapError, ValueError, struct.error, zstandard.ZstdError,
     RuntimeError, OverflowError, MemoryError,
 )  # fmt: skip
@@ -113,7 +113,7 @@ class RecordScan:
         while position < len(self._data):
             try:
                 placed = self._record_at(position)
-            except _UNREADABLE as error:
+            except UNREADABLE as error:
                 position = self._resume(position, error)
                 continue
             yield placed
@@ -126,7 +126,7 @@ class RecordScan:
         """Return what is in ``chunk``; note it and return ``None`` if its checksum fails."""
         try:
             return breakup_chunk(chunk, validate_crc=True)
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             self.damages.append(Damage(begin_bytes, end_bytes - begin_bytes, words(error)))
             return None
 
@@ -155,7 +155,7 @@ class RecordScan:
     def _is_chunk(self, position: int) -> bool:
         try:
             placed = self._record_at(position)
-        except _UNREADABLE:
+        except UNREADABLE:
             return False
         return isinstance(placed.record, Chunk)
 
@@ -181,7 +181,7 @@ _PARSERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
 
 
 def _parse(opcode: int, body: bytes) -> Record:
-    """Return the record. Raises one of ``_UNREADABLE``."""
+    """Return the record. Raises one of ``UNREADABLE``."""
     if opcode == Opcode.MESSAGE_INDEX:
         channel_id, length = _MESSAGE_INDEX_START.unpack_from(body)
         if len(body) != _MESSAGE_INDEX_START.size + length:

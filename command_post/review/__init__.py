@@ -1,0 +1,1 @@
+"""What a recording shows afterwards: the incident at any moment of it, fused anew, and exported."""
