@@ -115,12 +115,20 @@ class AlertDesk:
             changed += self._over("lost_contact", node, now_ns, "heard again")
         if isinstance(message, Alarm):
             changed += self._take_alarm(node, message, now_ns)
+        elif isinstance(message, StrangerNoticed):
+            changed += self._notice_at(node, message, now_ns)
         return changed
 
     def notice(self, stranger: StrangerNoticed, now_ns: int) -> list[Alert]:
         """Take in that the gate turns somebody away."""
         node = (stranger.role, stranger.node_id)
         return self._raise("intruder", "intruder", node, now_ns, stranger.words)
+
+    def _notice_at(self, dap: Node, stranger: StrangerNoticed, now_ns: int) -> list[Alert]:
+        """Take in what a DAP noticed. It names whom it likes: an alert is of a node heard here."""
+        named: Node = (stranger.role, stranger.node_id)
+        node = named if named in self._heard_ns else dap
+        return self._raise("intruder", "intruder", node, now_ns, f"{stranger.words} (by {dap[1]})")
 
     def hear_outside(self, word: OutsideWord, now_ns: int) -> list[Alert]:
         """Take in what another system says: a mayday there is one here."""

@@ -10,9 +10,8 @@ from __future__ import annotations
 import gc
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from threading import Event, Thread
-from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import structlog
@@ -32,7 +31,7 @@ from command_post.resume import resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.safekeeping import Safekeeping
 from command_post.station_notice import StationNotice
-from command_post.strangers import Strangers
+from command_post.strangers import stranger_message
 from command_post.voice import Voice
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received
@@ -44,6 +43,7 @@ from shared.mcap_reader import Recording
 from shared.messages import ExerciseStart, StationTable
 from shared.security.certificates import Identity
 from shared.sender import Outbox, Sign
+from shared.strangers import NOBODY, AtLinks, Strangers
 from shared.time_service import time_answerer
 from shared.topics import (
     TOPICS,
@@ -118,7 +118,7 @@ class Post:
         remarks: Sequence[str] = (),
         checkpoints: Checkpoints | None = None,
         stations: StationTable | None = None,
-        refused_links: Mapping[str, int] = MappingProxyType({}),
+        at_links: AtLinks = NOBODY,
     ) -> None:
         """``follows_exercise``: take the time from the exercise's start once it is given.
 
@@ -127,7 +127,8 @@ class Post:
         post answers. ``metrics``: who is told of all that the post counts. ``guests``: who is
         told all that is published, and asks for what people want. ``remarks``: what the
         roster is to say of how it was begun. ``checkpoints``: keep the post's state now and then.
-        ``stations``: whose radio is whose, to be told to DAPs and responders' units.
+        ``stations``: whose radio is whose, to be told to DAPs and responders' units. ``at_links``:
+        what this post's router refuses.
         """
         self._bus = bus
         self._incident = incident
@@ -151,7 +152,7 @@ class Post:
         self._metrics = metrics
         self._guests = tuple(guests)
         self._strangers = Strangers()
-        self._refused_links = refused_links
+        self._at_links = at_links
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._company = Company(bus, name, post_id, meet, self._hear)
         self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
@@ -264,10 +265,8 @@ class Post:
             guest.show(roster)
         if self._metrics is not None:
             self._metrics.show(self._figures(roster))
-        for key, payload in self._strangers.noticed(
-            self._gate.turned, self._refused_links, self._incident, roster.now_ns
-        ):
-            self._take_own(key, payload)
+        for stranger in self._strangers.noticed(self._at_links, self._gate.turned):
+            self._take_own(*stranger_message(stranger, self._incident, roster.now_ns))
 
     def _figures(self, roster: Roster) -> Figures:
         estimates = self._incident.estimates.items()

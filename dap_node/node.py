@@ -32,6 +32,7 @@ from shared.messages import (
     RssiReport,
     SetDownHere,
     StationTable,
+    StrangerNoticed,
     Truth,
     Vector3,
 )
@@ -39,6 +40,7 @@ from shared.radios.hearing import Heard, Hearing
 from shared.radios.readings import RadioScan
 from shared.rssi_peaks import Peak, PeakDetector
 from shared.sender import Outbox, Sender
+from shared.strangers import NOBODY, AtLinks, Strangers
 from shared.topics import Key, Role, alive_key
 from shared.units import NS_PER_S
 
@@ -76,12 +78,15 @@ class DapNode:
         keep_stations: Callable[[StationTable], object] = lambda _: None,
         keep_place: Callable[[bytes | None], object] = lambda _: None,
         watch: SelfInstallation | None = None,
+        at_links: AtLinks = NOBODY,
+        role_of: Callable[[str], Role] = lambda _: "responder",
     ) -> None:
         """``sends_rssi``: publish every reading as well, for the record.
 
         ``outbox``: see ``Sender``. ``gate``: lets in what is said to DAPs; without one, everybody
         is believed. ``stations``: whose radios are whose, until a post tells; what one tells is to
-        be kept by ``keep_stations``.
+        be kept by ``keep_stations``. ``at_links``: what this DAP's router refuses, and
+        ``role_of`` whose certificates are whose.
         """
         self._sends_rssi = sends_rssi
         settings = settings or DapSettings()
@@ -96,6 +101,9 @@ class DapNode:
         self._keep_stations = keep_stations
         self._neighbours = NeighbourWatch()
         self._strangers_told = False
+        self._strangers = Strangers()
+        self._at_links = at_links
+        self._role_of = role_of
         self._watch = watch
         self._keep_place = keep_place
         self._is_taken_up = False
@@ -147,6 +155,7 @@ class DapNode:
                 for time_ns, force_m_s2 in observation.samples:
                     self._watch.feel(time_ns, force_m_s2)
         self._notice(observation.time_ns)
+        self._tell_who_was_refused(observation.time_ns)
         self._keep_place(None if self.stage == "carried" else self._place_payload)
         self._tell_truth(observation.time_ns)
 
@@ -215,6 +224,18 @@ class DapNode:
         if self._hearing.strangers and not self._strangers_told:
             self._strangers_told = True
             _log.warning("radios are heard that are on no table: they are only counted")
+
+    def _tell_who_was_refused(self, now_ns: int) -> None:
+        for _, node_id, words in self._strangers.noticed(self._at_links):
+            self._sender.send(
+                StrangerNoticed(
+                    event_time_ns=now_ns,
+                    sequence=self._sender.next_sequence(StrangerNoticed),
+                    role="dap" if node_id is None else self._role_of(node_id),
+                    node_id=node_id or self._sender.node_id,
+                    words=words,
+                )
+            )
 
     def _say_reading(self, time_ns: int, responder_id: NodeId, rssi_dbm: float) -> None:
         self._sender.send(

@@ -100,7 +100,7 @@ TOPICS: dict[str, Topic] = {
         Topic("order_reply", OrderReply, ("responder",), 0.0, "high", True, True),
         Topic("alert", Alert, ("post",), 0.0, "high", True, False),
         Topic("alert_request", AlertRequest, ("post",), 0.0, "high", True, False),
-        Topic("stranger", StrangerNoticed, ("post",), 0.0, "high", True, False),
+        Topic("stranger", StrangerNoticed, ("dap", "post"), 0.0, "high", True, False),
         Topic("outside", OutsideWord, ("post",), 0.0, "high", True, False),
         Topic("exercise", ExerciseStart, ("post",), 0.0, "high", True, False),
         Topic("truth", Truth, ("responder", "dap"), 2.0, "low", True, False),
@@ -157,8 +157,13 @@ def all_alive_of(incident: str) -> str:
     return f"clew/{WIRE_VERSION}/{incident}/*/*/alive"
 
 
+def is_id(value: str) -> bool:
+    """Say whether ``value`` may stand in a key as a name."""
+    return _ID.fullmatch(value) is not None
+
+
 def check_id(value: str, what: str) -> str:
     """Return ``value`` if it may stand in a key, else raise ``ValueError`` that says what may."""
-    if not _ID.fullmatch(value):
+    if not is_id(value):
         raise ValueError(f"{what} {value!r}: use 1 to 32 letters, digits, '-' or '_'")
     return value

@@ -45,6 +45,7 @@ from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.sender import Unkept
 from shared.stations import read_stations
+from shared.strangers import NOBODY, AtLinks
 from shared.topics import check_id
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -160,7 +161,7 @@ def run(
                     metrics=figures, guests=guests,
                     remarks=() if refused is None else (refused,),
                     checkpoints=Checkpoints(state, recorder), stations=listed,
-                    refused_links={} if links is None else links.counts,
+                    at_links=NOBODY if links is None else AtLinks(links.counts, links.breaches),
                 )  # fmt: skip
                 if part is not None:
                     # It can be broken off: the recording stays as it is, to be gone on with.

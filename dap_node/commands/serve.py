@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from threading import Event
@@ -44,10 +44,12 @@ from shared.process import (
 from shared.radios.live import SCAN_RATE_HZ, LiveSource
 from shared.radios.opening import open_radios
 from shared.radios.readings import RadioScan
+from shared.security.bundle import Bundle
 from shared.security.certificates import Identity
 from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.stations import read_stations
-from shared.topics import Key, alive_key, check_id
+from shared.strangers import NOBODY, AtLinks
+from shared.topics import Key, Role, alive_key, check_id
 
 POLL_S = 0.1
 
@@ -141,7 +143,7 @@ def run(
             stop_on_signals() as stop,
             set_by_button() as button,
             JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
-            nullcontext() if bundle is None else RefusedLinks(),
+            nullcontext() if bundle is None else RefusedLinks() as links,
             open_zenoh("router", dialled, listened, bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,
         ):
@@ -162,6 +164,8 @@ def run(
                     stations=listed or known.load(), keep_stations=known.keep,
                     keep_place=place.keep if is_live else lambda _: None,
                     watch=SelfInstallation(notices=by_itself) if is_live else None,
+                    at_links=NOBODY if links is None else AtLinks(links.counts, links.breaches),
+                    role_of=_roles(bundle),
                 )  # fmt: skip
                 said = place.load() if is_live else _said_before(node)
                 if said is not None:
@@ -184,6 +188,14 @@ def _open_source(
     """Return what ``--source`` names; ``ValueError`` if it cannot be used."""
     played = open_played(names[0], dap_id, seed) if len(names) == 1 else None
     return played or [*open_radios(names, "--source", PLAYED, rate_hz)]
+
+
+def _roles(bundle: Bundle | None) -> Callable[[str], Role]:
+    """Return who tells a named node's role; of whom nobody has heard it is a responder's."""
+    roles: dict[str, Role] = {}
+    if bundle is not None:
+        roles = {each.id: each.role for each in bundle.nodes.nodes}
+    return lambda node_id: roles.get(node_id, "responder")
 
 
 def _said_before(node: Node) -> bytes | None:

@@ -1,4 +1,4 @@
-"""Who was refused a link, and why: counted and told.
+"""Who was refused a link, and why, and who says what is not theirs to say: counted and told.
 
 Zenoh says it in its log alone, and can write that to standard output alone. So as long as this
 listens, what Zenoh writes there goes into a pipe; what Python writes goes where it always did.
@@ -7,15 +7,29 @@ listens, what Zenoh writes there goes into a pipe; what Python writes goes where
 from __future__ import annotations
 
 import os
+import re
 import sys
 import threading
 from collections import Counter
+from contextlib import suppress
 from typing import TextIO
 
 import structlog
 import zenoh
 
-LOGGED = "zenoh_link_tls=warn,zenoh::net::routing::interceptor::access_control=info"
+from shared.bus.access_log import ACCESS_TARGET, TELLING, AccessLog
+from shared.topics import is_id
+
+if sys.platform == "linux":
+    import fcntl
+
+LOGGED = f"zenoh_link_tls=warn,{ACCESS_TARGET}=trace"
+"""A link that may say nothing is told of as a warning, what is not let pass in the trace alone."""
+
+PIPE_BYTES = 1 << 20
+CHUNK_BYTES = 1 << 16
+MOST_NAMED = 1000
+_NODE_CHUNK = 4
 
 _REASONS = {
     "did not match any configured ACL subject": "not_named",
@@ -34,18 +48,23 @@ _WORDS = {
     "does_not_accept_ours": "a link was refused by who dialled: it does not accept our certificate",
 }
 
+_OF_INTEREST = re.compile("|".join([*map(re.escape, _REASONS), *TELLING]).encode())
+
 _log = structlog.stdlib.get_logger(__name__)
 
 
 class RefusedLinks:
     """In its ``with`` block, ``counts`` the refused links of this process's routers, by reason.
 
-    ``not_named`` are those who got a link, and are let say nothing. To be entered before a router
-    opens, and by one at a time.
+    ``not_named`` are those who got a link, and are let say nothing. ``breaches`` counts what nodes
+    with a link put under keys that are not theirs: by who says so, and the node that is named. To
+    be entered before a router opens, and by one at a time.
     """
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
+        self.breaches: Counter[tuple[str, str]] = Counter()
+        self._access = AccessLog()
         self._thread = threading.Thread(target=self._read, name="refused-links", daemon=True)
 
     def __enter__(self) -> RefusedLinks:
@@ -55,6 +74,7 @@ class RefusedLinks:
         self._reading, writing = os.pipe()
         # A log line is rather lost than waited for: Zenoh writes it while it works.
         os.set_blocking(writing, False)
+        _widen(writing)
         os.dup2(writing, 1)
         os.close(writing)
         sys.stdout = os.fdopen(os.dup(self._kept), "w", encoding="utf-8")
@@ -70,21 +90,58 @@ class RefusedLinks:
         self._thread.join()
         for reason, count in sorted(self.counts.items()):
             _log.warning("links refused in all", reason=reason, count=count)
+        for (sender_id, named), count in sorted(self.breaches.items()):
+            _log.warning("not let say in all", node_id=sender_id, named=named, count=count)
 
     def note(self, line: str) -> None:
         """Take in a line of Zenoh's log."""
+        breach = self._access.take(line)
+        if breach is not None:
+            self._note_breach(*breach)
+            return
         reason = next((why for words, why in _REASONS.items() if words in line), None)
         if reason is None:
             return
         self.counts[reason] += 1
         count = self.counts[reason]
-        if count == 10 ** (len(str(count)) - 1):
+        if _is_told(count):
             _log.warning(_WORDS.get(reason, "a link was refused"), reason=reason, count=count)
 
+    def _note_breach(self, sender_id: str, key: str) -> None:
+        chunks = key.split("/")
+        named = chunks[_NODE_CHUNK] if len(chunks) > _NODE_CHUNK else ""
+        who = (sender_id, named if is_id(named) else "")
+        if who not in self.breaches and len(self.breaches) >= MOST_NAMED:
+            who = (sender_id, "")
+        self.breaches[who] += 1
+        if _is_told(self.breaches[who]):
+            _log.warning(
+                "a node says what is not its own to say, and is not let",
+                node_id=sender_id, key=key, count=self.breaches[who],
+            )  # fmt: skip
+
     def _read(self) -> None:
-        with os.fdopen(self._reading, encoding="utf-8", errors="replace") as lines:
-            for line in lines:
-                self.note(line)
+        # Of each message that is let pass there is a line: most are passed over together.
+        rest = b""
+        with os.fdopen(self._reading, "rb", buffering=0) as log:
+            while read := log.read(CHUNK_BYTES):
+                lines, newline, rest = (rest + read).rpartition(b"\n")
+                if newline and _OF_INTEREST.search(lines):
+                    for line in lines.split(b"\n"):
+                        self.note(line.decode(errors="replace"))
+                rest = rest[-CHUNK_BYTES:]
+
+
+def _is_told(count: int) -> bool:
+    """Say whether so many are told of: at powers of ten."""
+    return str(count).rstrip("0") == "1"
+
+
+def _widen(pipe: int) -> None:
+    """Have a pipe hold more than the usual 64 KiB, where the system lets it be asked for."""
+    if sys.platform == "linux":
+        with suppress(OSError):
+            fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
 
 
 _initialized = threading.Lock()

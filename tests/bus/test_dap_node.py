@@ -29,9 +29,11 @@ from shared.messages import (
     RssiReport,
     SetDownHere,
     StationTable,
+    StrangerNoticed,
     Truth,
 )
 from shared.radios.readings import RadioScan, Reading
+from shared.strangers import AtLinks
 from shared.topics import alive_key, everything_of
 from shared.units import NS_PER_S
 
@@ -388,3 +390,19 @@ def test_a_button_says_that_who_is_loudest_set_it_down() -> None:
     box.node.take(SetDown(at(2.0), None, None))
     (said,) = box.installations()
     assert said.installer_id == "r2"
+
+
+def test_it_tells_the_post_once_whom_its_router_refuses() -> None:
+    site = Site()
+    at_links = AtLinks({}, {})
+    node = DapNode(site.bus, "test", "dap2", at_links=at_links, role_of=lambda _: "responder")
+    node.take(Scan(START_NS, {}))
+    at_links = AtLinks({"foreign": 3, "broken_off": 1}, {("r1", "r2"): 5})
+    node = DapNode(site.bus, "test", "dap2", at_links=at_links, role_of=lambda _: "responder")
+    for _ in range(3):
+        node.take(Scan(START_NS, {}))
+    told = [each for each in site.said(StrangerNoticed) if isinstance(each, StrangerNoticed)]
+    assert [(each.role, each.node_id, each.words) for each in told] == [
+        ("responder", "r1", "says what is r2's to say, and is not let"),
+        ("dap", "dap2", "a link was refused: who dials has a certificate of another authority"),
+    ]

@@ -1,4 +1,4 @@
-"""Refused links are counted by reason, and told."""
+"""Refused links, and what access rules turn away, are counted, told and alerted to."""
 
 from __future__ import annotations
 
@@ -88,26 +88,68 @@ def test_it_is_told_at_powers_of_ten_and_not_each_time() -> None:
     assert links.counts == {"foreign": 150}
 
 
+def test_what_is_not_ones_own_to_say_is_counted_by_who_says_it_and_whom_it_names() -> None:
+    links = RefusedLinks()
+    with capture_logs() as logs:
+        for _ in range(12):
+            links.note(turned_away("responder/r2/increment"))
+        links.note(turned_away("responder/r2/alarm"))
+        links.note(turned_away("post"))
+    assert links.breaches == {("", "r2"): 13, ("", ""): 1}
+    assert links.counts == {}
+    assert [each["count"] for each in logs] == [1, 10, 1]
+
+
+def test_who_invents_names_is_counted_all_the_same() -> None:
+    links = RefusedLinks()
+    for number in range(2000):
+        links.note(turned_away(f"responder/r{number}/increment"))
+    assert links.breaches.total() == 2000
+    assert len(links.breaches) <= 1001
+
+
+def turned_away(key: str) -> str:
+    words = f"96a is unauthorized to Put (ingress) on clew/v1/fire/{key}"
+    return f"TRACE ThreadId(01) log: Using cached result: {words}"
+
+
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no such pipes")
-def test_a_post_is_alerted_to_who_is_refused_a_link(tmp_path: Path) -> None:
-    keys = Keys(tmp_path / "keys", ["post"])
+def test_a_post_is_alerted_to_strangers_and_to_who_speaks_for_others(tmp_path: Path) -> None:
+    keys = Keys(tmp_path / "keys", ["post", "dap1", "r1", "r2"])
     endpoint, log = free_endpoint().replace("tcp", "tls"), tmp_path / "log"
     command = [sys.executable, "-m", "command_post", "run", "--incident", "fire",
                "--keys", str(keys["post"].folder), "--record", str(tmp_path / "fire.mcap"),
                "--listen", endpoint]  # fmt: skip
     with log.open("wb") as logged, subprocess.Popen(command, stderr=logged) as post:
         try:
-            wait_for(lambda: "session open" in log.read_text(), "the post", 2 * DEADLINE_S)
-            with socket.create_connection(("127.0.0.1", port_of(endpoint))) as plain:
-                plain.sendall(b"GET / HTTP/1.0\r\n\r\n")
-            wait_for(lambda: list(alerts_in(tmp_path / "fire.mcap.part")), "an alert")
+            with (
+                open_zenoh("client", [endpoint], bundle=keys["r1"]) as client,
+                open_zenoh("router", [endpoint], ["tls/127.0.0.1:0"], keys["dap1"]) as dap,
+            ):
+                wait_for(client.connected, "the post", 2 * DEADLINE_S)
+                wait_for(dap.connected, "the post", 2 * DEADLINE_S)
+                with socket.create_connection(("127.0.0.1", port_of(endpoint))) as plain:
+                    plain.sendall(b"GET / HTTP/1.0\r\n\r\n")
+
+                def speak() -> bool:
+                    client.publish("clew/v1/fire/responder/r2/increment", b"not mine")
+                    dap.publish("clew/v1/fire/responder/r2/increment", b"handed on")
+                    dap.publish("clew/v1/fire/post/post/order", b"not mine")
+                    return len(list(alerts_in(tmp_path / "fire.mcap.part"))) == 4
+
+                wait_for(speak, "the alerts")
             post.send_signal(signal.SIGTERM)
             assert post.wait(DEADLINE_S) == ExitCode.OK
         finally:
             post.kill()
-    (alert,) = alerts_in(tmp_path / "fire.mcap")
-    assert (alert.kind, alert.node_id) == ("intruder", "link-not_tls")
-    assert "does not encrypt" in alert.words
+    alerts = {alert.node_id: alert for alert in alerts_in(tmp_path / "fire.mcap")}
+    assert {alert.kind for alert in alerts.values()} == {"intruder"}
+    assert alerts["r1"].words == "says what is r2's to say, and is not let"
+    assert alerts["dap1"].words == "says what is post's to say, and is not let"
+    # What it hands on is let pass, and found not to be signed.
+    assert "signature" in alerts["r2"].words
+    assert "does not encrypt" in alerts["link-not_tls"].words
+    assert set(alerts) == {"r1", "r2", "dap1", "link-not_tls"}
 
 
 def is_begun(recording: Path) -> bool:

@@ -116,3 +116,17 @@ def test_a_stranger_is_alerted_to() -> None:
     (raised,) = desk.notice(noticed, 5)
     assert (raised.kind, raised.node_id) == ("intruder", "r1")
     assert desk.notice(noticed, 6) == []
+
+
+def test_what_a_dap_notices_is_of_somebody_here_or_of_the_dap() -> None:
+    desk = AlertDesk(0)
+    hear(desk, R1, beat(1.0), 1.0)
+    told = [
+        hear(desk, DAP, StrangerNoticed(
+            event_time_ns=0, sequence=0, role="responder", node_id=node_id, words="poses"
+        ), 2.0)
+        for node_id in ("r1", "r77", "r78")
+    ]  # fmt: skip
+    assert [[(each.node_id, each.words) for each in one] for one in told] == [
+        [("r1", "poses (by dap1)")], [("dap1", "poses (by dap1)")], [],
+    ]  # fmt: skip
