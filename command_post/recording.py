@@ -18,6 +18,7 @@ from typing import NamedTuple, Protocol, Self
 import structlog
 
 from command_post.recording_file import RecordingFile
+from command_post.recording_mirror import Mirror
 from command_post.recording_queue import End, Entry, Item, Resumed, WhenSafe
 from shared.units import NS_PER_S
 
@@ -138,13 +139,14 @@ class Recorder:
         *,
         replace: bool = False,
         resume: bool = False,
+        mirror: Mirror | None = None,
         queue_messages: int = QUEUE_MESSAGES,
         queue_bytes: int = QUEUE_BYTES,
         retry_s: float = RETRY_S,
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         """Begin the recording, or go on with it. Raises ``RecorderError`` as ``RecordingFile``."""
-        self._file = RecordingFile(path, metadata, replace=replace, resume=resume)
+        self._file = RecordingFile(path, metadata, replace=replace, resume=resume, mirror=mirror)
         self.unfinished = self._file.part if self._file.is_resumed else None
         """Where the recording is that it goes on with, if so: to be read before anything is put."""
 

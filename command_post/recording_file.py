@@ -1,6 +1,7 @@
 """The file of the record: raw wire bytes into MCAP, each key on its own channel.
 
-What cannot be decoded is evidence too, and stands on a channel without a schema. The file is
+What cannot be decoded is evidence too, and stands on a channel without a schema. Beside them are
+channels to be looked at in Foxglove, marked ``derived``. The file is
 called ``NAME.mcap.part`` until it is finished; ``shared.mcap_reader`` reads both.
 """
 
@@ -20,6 +21,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 
 from command_post.recording_layout import Declared, WholePart, ending, whole_part
+from command_post.recording_mirror import Drawn, Mirror
 from shared.codec import Refusal, decode, parse_key
 from shared.files import sync_folder
 from shared.mcap_reader import ABOUT, CHANNEL, DROPPED, END, RESUMED, Excerpt, RecordingError
@@ -43,6 +45,7 @@ MOST_TOLD, MOST_DETAIL = 4, 40
 """How much is told of how two recordings differ."""
 
 _NO_SCHEMA = 0
+_MARKS = ("outgoing", "excerpt", "derived")
 _MESSAGES = {topic.message.__name__: topic.message for topic in TOPICS.values()}
 
 
@@ -64,9 +67,11 @@ class RecordingFile:
         *,
         replace: bool = False,
         resume: bool = False,
+        mirror: Mirror | None = None,
     ) -> None:
         """Begin ``path``; ``metadata`` says what is recorded and all that a replay needs to know.
 
+        ``mirror``: draws what is recorded, to be looked at.
         With ``resume``, an unfinished recording with the same ``metadata`` is gone on with behind
         all that is whole of it. Raises ``RecorderError`` if the recording cannot be begun, is there
         already and not to be replaced, or unfinished and not to be gone on with.
@@ -85,6 +90,7 @@ class RecordingFile:
         self._channels: dict[_Channel, int] = {}
         self._schemas: dict[str, int] = {}
         self._declared = Declared()
+        self._mirror = mirror
         if path.exists() and not replace:
             raise RecorderError(f"{path}: is there already; give the recording another name")
         whole = _to_be_resumed(self.part, metadata) if resume else None
@@ -179,6 +185,10 @@ class RecordingFile:
             publish_time=log_time_ns if isinstance(message, Refusal) else message.event_time_ns,
             sequence=0 if isinstance(message, Refusal) else message.sequence % (1 << 32),
         )
+        if self._mirror is not None and not isinstance(message, Refusal):
+            self._mirror.take(message, log_time_ns, outgoing=outgoing)
+            if self._mirror.is_due:
+                self._write_drawn(self._mirror)
         return True
 
     def mark_end(self, now_ns: int) -> None:
@@ -202,6 +212,8 @@ class RecordingFile:
 
     def finish(self) -> None:
         """End the file with its index, and give it its name."""
+        if self._mirror is not None:
+            self._write_drawn(self._mirror)
         if self.is_resumed:
             # The library knows of what it has written itself since.
             self._writer.flush()
@@ -225,17 +237,27 @@ class RecordingFile:
         self.abandon()
         self.part.unlink(missing_ok=True)
 
+    def _write_drawn(self, mirror: Mirror) -> None:
+        """Write a chunk of what is only to be looked at."""
+        self._writer.flush()
+        for drawn in mirror.take_all():
+            channel = _Channel(drawn.topic, drawn.schema, outgoing=False, derived=True)
+            if self._has_place(channel):
+                number = self._channel_id(channel, drawn)
+                self._writer.add_message(number, drawn.time_ns, drawn.data, drawn.time_ns)
+        self._writer.flush()
+
     def _has_place(self, channel: _Channel) -> bool:
         return channel in self._channels or len(self._channels) < MAX_CHANNELS
 
-    def _channel_id(self, channel: _Channel) -> int:
+    def _channel_id(self, channel: _Channel, drawn: Drawn | None = None) -> int:
         if channel not in self._channels:
-            marks = {"outgoing": channel.outgoing, "excerpt": channel.excerpt}
-            metadata = {name: "yes" for name, applies in marks.items() if applies}
-            encoding = MessageEncoding.MessagePack if channel.schema or channel.excerpt else ""
-            schema_id = self._schema_id(channel.schema) if channel.schema else _NO_SCHEMA
-            number = self._writer.register_channel(channel.topic, encoding, schema_id, metadata)
-            declared = Channel(number, channel.topic, encoding, metadata, schema_id)
+            marks = {name: "yes" for name in _MARKS if getattr(channel, name)}
+            schema_id = self._schema_id(channel.schema, drawn) if channel.schema else _NO_SCHEMA
+            encoding = MessageEncoding.JSON if channel.derived else MessageEncoding.MessagePack
+            encoding = encoding if channel.schema or channel.excerpt else ""
+            number = self._writer.register_channel(channel.topic, encoding, schema_id, marks)
+            declared = Channel(number, channel.topic, encoding, marks, schema_id)
             self._declared.channels[number] = declared
             self._channels[channel] = number
             self._tell_channel(declared)
@@ -245,9 +267,9 @@ class RecordingFile:
         marks = {"id": str(channel.id), "topic": channel.topic, **channel.metadata}
         self._writer.add_metadata(CHANNEL, marks)
 
-    def _schema_id(self, name: str) -> int:
+    def _schema_id(self, name: str, drawn: Drawn | None) -> int:
         if name not in self._schemas:
-            data = json_schema(_MESSAGES[name])
+            data = json_schema(_MESSAGES[name]) if drawn is None else drawn.schema_data
             number = self._writer.register_schema(name, SchemaEncoding.JSONSchema, data)
             self._declared.schemas[number] = Schema(number, data, SchemaEncoding.JSONSchema, name)
             self._schemas[name] = number
@@ -315,15 +337,14 @@ class _Channel(NamedTuple):
     schema: str | None
     outgoing: bool
     excerpt: bool = False
+    derived: bool = False
 
 
 def _channel_of(channel: Channel, declared: Declared) -> _Channel:
     schema = declared.schemas.get(channel.schema_id)
     name = None if schema is None else schema.name
     marks = channel.metadata
-    return _Channel(
-        channel.topic, name, "outgoing" in marks, "excerpt" in marks
-    )  # fmt: skip
+    return _Channel(channel.topic, name, **{each: each in marks for each in _MARKS})
 
 
 def json_schema(message: type[Message]) -> bytes:

@@ -10,23 +10,24 @@ from __future__ import annotations
 from pathlib import Path
 
 from command_post.recording_file import RecorderError, RecordingFile
+from command_post.recording_mirror import Mirror
 from shared.mcap_reader import ReadReport, RecordingError, read_recording
 
 SALVAGED = "salvaged_from"
 """What the new recording's metadata says of the old one."""
 
 
-def salvage(damaged: Path, output: Path) -> ReadReport:
+def salvage(damaged: Path, output: Path, mirror: Mirror | None = None) -> ReadReport:
     """Put all that can be read of ``damaged`` into a new recording, ``output``; say what that was.
 
-    Raises ``RecordingError`` if there is nothing to be read, ``RecorderError`` if ``output`` is
-    there already or cannot be written; then nothing is left there.
+    ``mirror`` draws it, to be looked at. Raises ``RecordingError`` if there is nothing to be read,
+    ``RecorderError`` if ``output`` is there already or cannot be written; then nothing is left.
     """
     recording = read_recording(damaged)
     if not recording.metadata:
         raise RecordingError(f"{damaged}: what it is a recording of cannot be read")
     metadata = {**recording.metadata, SALVAGED: damaged.name}
-    file = RecordingFile(output, metadata)
+    file = RecordingFile(output, metadata, mirror=mirror)
     try:
         for log_time_ns, _, key, payload, outgoing in recording:
             file.put(key, payload, log_time_ns, outgoing=outgoing)

@@ -94,8 +94,8 @@ class ReadReport:
 
     ``finished``: the recorder closed the file. ``dropped_count``: messages it had no room for.
     ``unplaced_count``: messages whose channel is not known because of damage. ``excerpt_count``:
-    messages of which only the beginning was kept. ``resumed_count``: how often the
-    recorder had been killed before it went on.
+    messages of which only the beginning was kept. ``resumed_count``: how often the recorder had
+    been killed before it went on. ``derived_count``: what is only to be looked at, and no message.
     """
 
     finished: bool = False
@@ -105,6 +105,7 @@ class ReadReport:
     excerpt_count: int = 0
     dropped_count: int = 0
     resumed_count: int = 0
+    derived_count: int = 0
     end_ns: int | None = None
     damages: list[Damage] = field(default_factory=list)
 
@@ -123,6 +124,7 @@ class ReadReport:
             (self.dropped_count, "messages dropped by the recorder"),
             (self.unplaced_count, "messages without a known channel"),
             (self.excerpt_count, "messages kept in part"),
+            (self.derived_count, "more for Foxglove, made of them"),
         ):
             lines.extend([f"{count} {what}"] if count else [])
         lines.extend(
@@ -172,6 +174,7 @@ class _Place(NamedTuple):
     key: str
     outgoing: bool
     excerpt: bool
+    derived: bool
 
 
 class _Scan:
@@ -233,6 +236,9 @@ class _Scan:
         if place is None:
             self.report.unplaced_count += 1
             return None
+        if place.derived:
+            self.report.derived_count += 1
+            return None
         key, payload = place.key, record.data
         if place.excerpt:
             excerpt = msgspec.msgpack.decode(record.data, type=Excerpt)
@@ -243,4 +249,5 @@ class _Scan:
 
 
 def _place(topic: str, metadata: dict[str, str]) -> _Place:
-    return _Place(topic, metadata.get("outgoing") == "yes", metadata.get("excerpt") == "yes")
+    marks = (metadata.get(name) == "yes" for name in ("outgoing", "excerpt", "derived"))
+    return _Place(topic, *marks)

@@ -55,7 +55,7 @@ class Doors:
     def check(self, bundle: Bundle | None) -> None:
         """Raise ``ValueError`` for options that cannot be used, before anything is begun."""
         self._address(bundle)
-        if self._server is not None and self._place is None:
+        if self._server is not None and self.place is None:
             raise ValueError("--tak: give --origin LATITUDE,LONGITUDE: TAK knows the Earth alone")
 
     @contextmanager
@@ -66,7 +66,7 @@ class Doors:
 
         Raises ``ValueError`` for options that cannot be used, ``OSError`` where nobody can listen.
         """
-        address, place = self._address(bundle), self._place
+        address, place = self._address(bundle), self.place
         with (
             page_served(address, incident, post_id, bundle, self.people, place) as page,
             linked_to_tak(self._server, incident, place) as link,
@@ -77,7 +77,8 @@ class Doors:
         return None if self.page is None else page_address(self.page, bundle, self.people)
 
     @property
-    def _place(self) -> Origin | None:
+    def place(self) -> Origin | None:
+        """Where the incident is, if that is known. Raises ``ValueError`` for one that is none."""
         return None if self.origin is None else parse_origin(self.origin)
 
     @property

@@ -25,6 +25,7 @@ from command_post.plan_file import with_usable_plan
 from command_post.post import Post
 from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
+from command_post.recording_mirror import Mirror
 from command_post.roster import Roster
 from command_post.table import roster_table
 from shared.bus.refused_links import RefusedLinks
@@ -143,7 +144,7 @@ def run(
             metadata = settings.as_metadata()
             with (
                 file_held_alone(record),
-                Recorder(record, metadata, resume=True) as recorder,
+                Recorder(record, metadata, resume=True, mirror=Mirror(doors.place)) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
                 doors.opened(incident, post_id, bundle) as guests,

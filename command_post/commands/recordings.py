@@ -11,8 +11,10 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from command_post.recording_file import RecorderError
+from command_post.recording_mirror import Mirror
 from command_post.salvage import salvage
 from command_post.verification import Verification, verify_recording
+from shared.geodesy import parse_origin
 from shared.mcap_reader import RecordingError
 from shared.process import ExitCode
 
@@ -43,10 +45,11 @@ def verify(file: Path, *, json: Annotated[bool, Parameter(negative="")] = False)
     return ExitCode.OK if told.whole else ExitCode.FAILURE
 
 
-def salvage_file(file: Path, *, output: Path) -> int:
+def salvage_file(file: Path, *, output: Path, origin: str | None = None) -> int:
     """Make a whole recording of one that was broken off or damaged; that one stays as it is.
 
-    Example: command-post salvage incident.mcap.part --output salvaged.mcap
+    What is to be looked at in Foxglove is drawn anew, also of a recording that is whole and has
+    none of it. Example: command-post salvage incident.mcap.part --output salvaged.mcap
 
     Parameters
     ----------
@@ -54,11 +57,14 @@ def salvage_file(file: Path, *, output: Path) -> int:
         The recording, as it was found.
     output
         The new one; its name must be free.
+    origin
+        Where it was, for the map: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]].
 
     """
     try:
-        report = salvage(file, output)
-    except (RecordingError, RecorderError) as error:
+        place = None if origin is None else parse_origin(origin)
+        report = salvage(file, output, Mirror(place))
+    except (ValueError, RecorderError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     Console().print(f"{report}\n{output}: written", markup=False, highlight=False)
