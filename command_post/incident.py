@@ -146,6 +146,7 @@ class Incident:
         self._doubts: tuple[Doubt, ...] = ()
         self._announcer = Announcer(settings.incident, settings.post_id)
         self._dap_places: dict[str, Outgoing] = {}
+        self._nowhere: dict[str, str] = {}
 
     @property
     def estimates(self) -> Mapping[str, Estimate]:
@@ -161,6 +162,11 @@ class Incident:
     def dap_places(self) -> Mapping[str, Outgoing]:
         """What was said last of where each DAP stands, by its id."""
         return MappingProxyType(self._dap_places)
+
+    @property
+    def nowhere(self) -> Mapping[str, str]:
+        """Why it is not known where a DAP stands that had stood somewhere, in words, by its id."""
+        return MappingProxyType(self._nowhere)
 
     @property
     def heard_ns(self) -> Mapping[tuple[Role, str], int]:
@@ -354,9 +360,9 @@ class Incident:
         """Take in what a node of this incident says, and when that was on the post's clock."""
         for found in self._senders.hear(key, message, now_ns, seal):
             self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
-        if isinstance(message, DapInstallation) and _is_taken_up(message):
-            detail = "dap: taken up, and nowhere until it is set down again"
-            self._notices.append(Notice("taken_up", key.node_id, detail))
+        if isinstance(message, DapInstallation) and (why := _why_nowhere(message)) is not None:
+            reason = "at_rest" if message.at_rest else "taken_up"
+            self._notices.append(Notice(reason, key.node_id, f"dap: {why}"))
         self._told.take(key.node_id, message, now_ns)
         if isinstance(message, OrderReply) and message.post_id == self.settings.post_id:
             self._orders.take(key.node_id, message)
@@ -430,6 +436,15 @@ class Incident:
                 self._tracker.height_fix(height)
             case DapInstallation() as said:
                 self._tracker.install(node_id, said)
+                self._note_place(node_id, said)
+
+    def _note_place(self, dap_id: str, said: DapInstallation) -> None:
+        why = _why_nowhere(said)
+        if why is None:
+            self._nowhere.pop(dap_id, None)
+        elif dap_id not in self._tracker.daps:
+            self._nowhere[dap_id] = why
+            self._dap_places.pop(dap_id, None)
 
     def _pass(self, side: Side, dap_id: str, peak: RssiPeak) -> None:
         """Let the tracker have a pass of a DAP, of whichever side tells of it first."""
@@ -456,8 +471,13 @@ def _from_the_dap(responder_id: str, peak: DapPeak) -> RssiPeak:
     )  # fmt: skip
 
 
-def _is_taken_up(said: DapInstallation) -> bool:
-    return said.position is None and said.installer_id is None
+def _why_nowhere(said: DapInstallation) -> str | None:
+    """Return in words why it is not known where a DAP stands; ``None`` if that is to be found."""
+    if said.position is not None or said.installer_id is not None:
+        return None
+    if said.at_rest:
+        return "lies where nobody set it down: it is placed when it is passed"
+    return "taken up, and nowhere until it is set down again"
 
 
 def _node_of(key_text: str) -> str:

@@ -15,7 +15,7 @@ from dap_node.installation import Installation, Stage, Standing
 from dap_node.neighbours import Neighbour, NeighbourWatch
 from dap_node.proximity import Proximity, ProximityDetector
 from dap_node.scanners.observation import Motion, Observation, Scan, SetDown
-from dap_node.self_installation import PutDown, SelfInstallation, TakenUp
+from dap_node.self_installation import AtRest, PutDown, SelfInstallation, TakenUp
 from dap_node.settings import DapSettings
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
@@ -126,7 +126,9 @@ class DapNode:
     def go_on(self, said: bytes) -> None:
         """Take up the installation that was ``said`` before this process was broken off."""
         message = decode(self._installation_key, said)
-        if isinstance(message, DapInstallation) and (message.installer_id or message.position):
+        if not isinstance(message, DapInstallation):
+            return
+        if message.installer_id or message.position or message.at_rest:
             place = Installation(message.event_time_ns, message.installer_id, message.position)
             self._standing.set_down(place)
             if self._watch is not None:
@@ -184,11 +186,23 @@ class DapNode:
         match self._watch.tick(now_ns, stands=self.stage != "carried"):
             case PutDown(time_ns, installer_id):
                 self._set_down(SetDown(time_ns, installer_id, None))
+            case AtRest(time_ns):
+                self._lie_still(Installation(time_ns, None, None))
             case TakenUp(time_ns):
                 self._standing.take_up()
                 self._is_taken_up = True
                 self._say_place(Installation(time_ns, None, None))
                 _log.warning("taken up: it is to be set down again")
+
+    def _lie_still(self, somewhere: Installation) -> None:
+        """Tell of who passes again: by that it will be found where the box is now."""
+        self._standing.set_down(somewhere)
+        self._scale.set_down(somewhere.time_ns, None)
+        if self._watch is not None:
+            self._watch.stands()
+        self._is_taken_up = False
+        self._say_place(somewhere, at_rest=True)
+        _log.warning("lies still where nobody set it down: it is placed as it is passed")
 
     def _hear(self, now_ns: int, heard: Iterable[Heard]) -> None:
         for time_ns, role, node_id, rssi_dbm in heard:
@@ -288,12 +302,13 @@ class DapNode:
         if self.refusals[reason] == 1:
             _log.warning("refused", key=key, reason=reason, detail=detail)
 
-    def _say_place(self, installation: Installation) -> None:
+    def _say_place(self, installation: Installation, *, at_rest: bool = False) -> None:
         place = DapInstallation(
             event_time_ns=installation.time_ns,
             sequence=self._sender.next_sequence(DapInstallation),
             installer_id=installation.installer_id,
             position=installation.position,
+            at_rest=at_rest,
         )
         self._place_payload = self._sender.send(place)
 

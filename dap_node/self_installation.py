@@ -48,6 +48,15 @@ class PutDown(NamedTuple):
     installer_id: NodeId
 
 
+class AtRest(NamedTuple):
+    """It has lain still since ``time_ns``, having been taken up, and nobody was heard beside it.
+
+    It was knocked over, or thrown, or swept along.
+    """
+
+    time_ns: int
+
+
 class TakenUp(NamedTuple):
     """It does not stand any more since ``time_ns``: it is carried, or lies elsewhere."""
 
@@ -94,6 +103,7 @@ class SelfInstallation:
         self._rest = RestWatch()
         self._feels = False
         self._was_carried = False
+        self._has_stood = False
         self._heard: dict[NodeId, Readings] = {}
         self._carriers: dict[NodeId, _Carrier] = {}
         self._looked_ns = 0
@@ -122,9 +132,10 @@ class SelfInstallation:
         """Note that the box was installed, by whatever means: it lies as it is to lie."""
         self._carriers.clear()
         self._was_carried = False
+        self._has_stood = True
         self._rest.remember()
 
-    def tick(self, now_ns: int, *, stands: bool) -> PutDown | TakenUp | None:
+    def tick(self, now_ns: int, *, stands: bool) -> PutDown | AtRest | TakenUp | None:
         """Return what there is to tell, twice a second. ``stands``: whether it is installed."""
         if now_ns - self._looked_ns < LOOK_NS:
             return None
@@ -144,17 +155,18 @@ class SelfInstallation:
         self._was_carried = self._was_carried or moved
         return self._come_to_rest(now_ns) if self._was_carried else None
 
-    def _come_to_rest(self, now_ns: int) -> PutDown | None:
+    def _come_to_rest(self, now_ns: int) -> PutDown | AtRest | None:
         since_ns = self._rest.still_since_ns
         if since_ns is None or now_ns - since_ns < STILL_NS:
             return None
+        lies_for_long = now_ns - since_ns >= STILL_FOR_LONG_NS
         installer_id = self.loudest(since_ns)
         if installer_id is None:
-            return None
+            return AtRest(since_ns) if lies_for_long and self._has_stood else None
         then_dbm = self._level_dbm(installer_id, since_ns - LEVEL_NS, since_ns + LEVEL_NS)
         now_dbm = self._level_dbm(installer_id, now_ns - LEVEL_NS, now_ns)
         has_gone = -inf < now_dbm <= then_dbm - GONE_DB
-        if has_gone or now_ns - since_ns >= STILL_FOR_LONG_NS:
+        if has_gone or lies_for_long:
             return PutDown(since_ns, installer_id)
         return None
 

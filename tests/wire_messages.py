@@ -60,6 +60,8 @@ def _scalars(kind: inspect.Type) -> st.SearchStrategy[Any]:
             return st.from_regex(pattern, fullmatch=True)
         case inspect.LiteralType():
             return st.sampled_from(kind.values)
+        case inspect.BoolType():
+            return st.booleans()
         case inspect.NoneType():
             return st.none()
         case _:

@@ -10,7 +10,7 @@ from shared.messages import DapInstallation, LocalPosition
 PlaceOf: TypeAlias = Callable[[str, int], LocalPosition | None]
 """Where a responder was held to be at a time in ns; ``None`` if nothing is known."""
 
-Outcome: TypeAlias = Literal["placed", "repeated", "superseded", "unplaced"]
+Outcome: TypeAlias = Literal["placed", "repeated", "superseded", "unplaced", "taken_up"]
 
 
 class InstalledDap(NamedTuple):
@@ -26,6 +26,7 @@ class DapMap(Mapping[str, InstalledDap]):
 
     def __init__(self) -> None:
         self._daps: dict[str, InstalledDap] = {}
+        self._taken_up_ns: dict[str, int] = {}
 
     def install(self, dap_id: str, said: DapInstallation, place_of: PlaceOf) -> Outcome:
         """Take in what a DAP says of its installation, and say what came of it.
@@ -33,12 +34,19 @@ class DapMap(Mapping[str, InstalledDap]):
         A position that it carries is taken as it is; without one, the DAP stands where
         ``place_of`` says its installer was at that time, ``unplaced`` if nobody knows. What is
         placed is frozen: the same installation said again (same event time) is ``repeated`` and
-        changes nothing, an older one is ``superseded``, a newer one replaces it.
+        changes nothing, an older one is ``superseded``, a newer one replaces it. One that was
+        ``taken_up`` stands nowhere, until a newer installation places it.
         """
         standing = self._daps.get(dap_id)
+        if said.event_time_ns <= self._taken_up_ns.get(dap_id, -1):
+            return "superseded"
         if standing is not None and said.event_time_ns <= standing.installed_ns:
             same = said.event_time_ns == standing.installed_ns
             return "repeated" if same else "superseded"
+        if said.position is None and said.installer_id is None:
+            self._daps.pop(dap_id, None)
+            self._taken_up_ns[dap_id] = said.event_time_ns
+            return "taken_up"
         position = said.position
         if position is None and said.installer_id is not None:
             position = place_of(said.installer_id, said.event_time_ns)

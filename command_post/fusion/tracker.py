@@ -32,7 +32,7 @@ class Tracker:
     ``counts`` says what had no effect, or had to be guessed: ``unknown_dap`` and
     ``untracked_responder`` (of a proximity), ``contradicted`` (a proximity that no particle
     could explain), ``stale_start``, ``unknown_start`` (an increment of someone without a start),
-    ``lost_increment``, ``unplaced`` and ``superseded`` (of installations).
+    ``lost_increment``, ``unplaced``, ``superseded`` and ``taken_up`` (of installations).
     """
 
     def __init__(self, settings: FusionSettings) -> None:
@@ -124,7 +124,7 @@ class Tracker:
     def install(self, dap_id: str, said: DapInstallation) -> None:
         """Put a DAP on the map; tell where it stands, if it is to be told."""
         outcome = self._daps.install(dap_id, said, self._place_of)
-        if outcome in {"unplaced", "superseded"}:
+        if outcome in {"unplaced", "superseded", "taken_up"}:
             self.counts[outcome] += 1
         elif outcome == "placed" or said.position is None:
             self._changed_daps[dap_id] = self._daps[dap_id]

@@ -90,17 +90,19 @@ class NeighbourHeard(Message, frozen=True, kw_only=True):
     sample_count: Annotated[int, Meta(ge=1, le=100_000)]
 
 
-class DapInstallation(Message, frozen=True, kw_only=True):
+class DapInstallation(Message, frozen=True, kw_only=True, omit_defaults=True):
     """A DAP was set down: when, by whom, and where once that is known.
 
     Without ``position`` it stands where its installer stood at ``event_time_ns``; the command
     post works that out and tells the DAP, which says it again with the position. A DAP placed at
     a known point (the entrance) has a position from the first and may have no installer. With
-    neither it was taken up, and stands nowhere from then on.
+    neither it was taken up, and stands nowhere from then on; or, ``at_rest``, it lies still again,
+    nobody knows where until it is passed.
     """
 
     installer_id: NodeId | None
     position: LocalPosition | None
+    at_rest: bool = False
 
 
 class SetDownHere(Message, frozen=True, kw_only=True):

@@ -381,6 +381,26 @@ def test_it_says_by_itself_that_it_was_set_down_and_taken_up() -> None:
     assert len(box.heard) == before
 
 
+def test_swept_along_it_lies_still_again_and_is_to_be_found_by_who_passes() -> None:
+    box = Box()
+    box.spend(10.0, dbm=-40.0, swing_m_s2=2.0)
+    box.spend(15.0, dbm=-65.0, swing_m_s2=0.0)
+    box.spend(10.0, dbm=-75.0, swing_m_s2=2.0)
+    box.spend(30.0, dbm=-75.0, swing_m_s2=0.0)
+    *_, up, lies = box.installations()
+    assert (up.at_rest, lies.at_rest, lies.installer_id, lies.position) == (False, True, None, None)
+    assert abs(lies.event_time_ns - at(35.0)) < NS_PER_S
+    assert box.node.stage == "installed"
+    again = DapNode(MemoryNetwork().connect(), "test", "dap2", sends_rssi=False)
+    said = box.places[-1]
+    assert said is not None
+    again.go_on(said)
+    assert again.stage == "installed"
+    told = len(box.heard)
+    box.spend(5.0, dbm=-42.0, swing_m_s2=0.0)
+    assert ProximityEvent in {type(decoded(each)) for each in box.heard[told:]}
+
+
 def test_a_button_says_that_who_is_loudest_set_it_down() -> None:
     box = Box()
     box.node.take(SetDown(at(0.1), None, None))

@@ -40,7 +40,7 @@ WIRE_FIELDS = {
     "contact": "event_time_ns sequence other_id peak_dbm width_s sample_count",
     "fix": "event_time_ns sequence responder_id source position",
     "height_fix": "event_time_ns sequence node node_id down_m sd_m",
-    "installation": "event_time_ns sequence installer_id position",
+    "installation": "event_time_ns sequence installer_id position at_rest",
     "set_down": "event_time_ns sequence dap_id position",
     "stations": "event_time_ns sequence responders daps",
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "

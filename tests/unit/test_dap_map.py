@@ -29,7 +29,7 @@ def test_without_a_position_it_stands_where_its_installer_stood() -> None:
 def test_nobody_knows_where() -> None:
     daps = DapMap()
     assert daps.install("dap2", installation(20.0, "r9"), installer_known) == "unplaced"
-    assert daps.install("dap3", installation(20.0, None), installer_known) == "unplaced"
+    assert daps.install("dap3", installation(20.0, None), installer_known) == "taken_up"
     assert len(daps) == 0
 
 

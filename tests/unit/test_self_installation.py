@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 import pytest
 
-from dap_node.self_installation import PutDown, SelfInstallation, TakenUp
+from dap_node.self_installation import AtRest, PutDown, SelfInstallation, TakenUp
 from shared.messages import Vector3
 from shared.units import NS_PER_S
 from tests.carries import Felt, Walk, at, readings, samples
@@ -25,6 +26,8 @@ LINGERER = Walk([0.0, 75.0, 85.0, END_S], [0.4, 0.4, 8.0, 30.0])
 CARRIED = [Felt(SET_DOWN_S - 5.0, "walked with"), Felt(SET_DOWN_S, "held")]
 LYING = [*CARRIED, Felt(END_S, "lying")]
 
+Noticed: TypeAlias = PutDown | AtRest | TakenUp
+
 
 def run(
     walks: Mapping[str, Walk],
@@ -33,7 +36,7 @@ def run(
     *,
     stands: bool = False,
     end_s: float = END_S,
-) -> list[PutDown | TakenUp]:
+) -> list[Noticed]:
     """Return all that the box notices; what it notices is taken to be so from then on."""
     box = SelfInstallation()
     events: list[tuple[int, str, float | Vector3]] = [(time, "", force) for time, force in felt]
@@ -41,7 +44,7 @@ def run(
         events += [(time, name, dbm) for time, dbm in readings(walk, end_s, seed + 1000 * number)]
     if stands:
         box.stands()
-    noticed: list[PutDown | TakenUp] = []
+    noticed: list[Noticed] = []
     for time_ns, name, told in sorted(events, key=lambda event: event[0]):
         if isinstance(told, tuple):
             box.feel(time_ns, told)
@@ -50,13 +53,13 @@ def run(
         found = box.tick(time_ns, stands=stands)
         if found is not None:
             noticed.append(found)
-            stands = isinstance(found, PutDown)
+            stands = not isinstance(found, TakenUp)
             if stands:
                 box.stands()
     return noticed
 
 
-def offs_s(found: Sequence[Sequence[PutDown | TakenUp]], true_s: float) -> list[float]:
+def offs_s(found: Sequence[Sequence[Noticed]], true_s: float) -> list[float]:
     return [(each[0].time_ns - at(true_s)) / NS_PER_S for each in found if each]
 
 
@@ -120,6 +123,9 @@ def test_a_knock_is_not_taken_for_a_carry_unless_it_falls_over() -> None:
     felt = [Felt(20.0, "lying"), Felt(20.6, "knocked"), Felt(40.0, "lying")]
     for seed in SEEDS[:10]:
         assert run({}, seed, samples(felt, seed), stands=True) == []
-        (over,) = run({}, seed, samples(felt, seed, turned_after_s=20.3), stands=True)
+        felt_over = samples([*felt, Felt(50.0, "lying")], seed, turned_after_s=20.3)
+        over, lies = run({}, seed, felt_over, stands=True)
         assert isinstance(over, TakenUp)
         assert abs(over.time_ns - at(21.0)) < 3 * NS_PER_S
+        assert isinstance(lies, AtRest)
+        assert abs(lies.time_ns - at(21.0)) < 3 * NS_PER_S

@@ -64,6 +64,10 @@ def anchors_of(
             )  # fmt: skip
             others = stood[dap_id].installed if dap_id in stood else ()
             stood[dap_id] = Stood(time_ns, tuple(sorted((*others, found), key=_since)))
+    for dap_id, each in stood.items():
+        taken_up = (one for one in log.daps[dap_id] if one.is_taken_up and one.time_ns <= time_ns)
+        installed = tuple(sorted((*each.installed, *taken_up), key=_since))
+        stood[dap_id] = each._replace(installed=installed)
     return Anchors(until_ns, starts, stood, past)
 
 

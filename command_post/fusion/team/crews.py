@@ -12,7 +12,7 @@ import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
-from command_post.fusion.team.log import ANYWHERE, Installed, TeamLog
+from command_post.fusion.team.log import Installed, TeamLog, found_by_passes
 from command_post.fusion.team.settings import TeamSettings
 from shared.units import NS_PER_S
 
@@ -160,10 +160,14 @@ def _shared(
     bonds: Bonds, daps: Mapping[str, list[Installed]], began_ns: Mapping[str, int], until_ns: int
 ) -> Iterator[tuple[int, tuple[str, ...], str]]:
     """Yield what may be shared: since when, what, and by whom, each as far as it had happened."""
-    set_down = {
-        dap_id: installs[0]
+    first = {
+        dap_id: next((each for each in installs if not each.is_taken_up), None)
         for dap_id, installs in daps.items()
-        if installs and installs[0].position is None and installs[0].time_ns <= until_ns
+    }
+    set_down = {
+        dap_id: installed
+        for dap_id, installed in first.items()
+        if installed is not None and installed.position is None and installed.time_ns <= until_ns
     }
     for dap_id, installed in set_down.items():
         by = installed.installer_id or ""
@@ -238,19 +242,22 @@ def crew_log(
             own.daps[dap_id] = log.daps[dap_id]
         elif dap_id in passed:
             installs = log.daps[dap_id]
-            own.daps[dap_id] = list(told.get(dap_id, ())) or [_unowned(each) for each in installs]
+            own.daps[dap_id] = _told_of(installs, told.get(dap_id, ()))
     own.dap_heights = {
         dap_id: heights for dap_id, heights in log.dap_heights.items() if dap_id in own.daps
     }
     return own
 
 
-def _unowned(installed: Installed) -> Installed:
-    if installed.position is not None:
-        return installed
-    return installed._replace(
-        installer_id=None, position=ANYWHERE, said_ns=installed.time_ns, found=True
-    )
+def _told_of(installs: list[Installed], told: tuple[Installed, ...]) -> list[Installed]:
+    """Return another crew's DAP where it is ``told`` to have stood, or where passes put it."""
+    if told:
+        taken_up = [each for each in installs if each.is_taken_up]
+        return sorted([*told, *taken_up], key=lambda each: each.time_ns)
+    return [
+        found_by_passes(each) if each.position is None and not each.is_taken_up else each
+        for each in installs
+    ]
 
 
 def daps_of_earlier(bonds: Bonds, crews: Crews, crew: Crew, until_ns: int) -> list[str]:

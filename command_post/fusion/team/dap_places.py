@@ -10,12 +10,16 @@ from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.team.height_assembly import Heights
 from command_post.fusion.team.log import Installed, TeamLog
 from command_post.fusion.team.solving import Solved
+from command_post.fusion.team.ties import level_sd_m
 from command_post.fusion.track import MOST_COORDINATE_M, told_covariance, within
 from shared.messages import LocalPosition
 
+FOUND_SD_M = 100.0
+"""A place that nobody has passed yet is not told."""
+
 
 def daps_of(log: TeamLog, solved: Solved, heights: Heights) -> dict[str, InstalledDap]:
-    """Return each DAP where it was set down last, by id."""
+    """Return each DAP where it was set down last, by id; none that lies nobody knows where."""
     newest: dict[str, tuple[int, int]] = {}
     for place, place_id in enumerate(solved.assembled.places):
         if place_id[0] == "dap":
@@ -24,8 +28,11 @@ def daps_of(log: TeamLog, solved: Solved, heights: Heights) -> dict[str, Install
     found = {}
     for dap_id, (installed_ns, place) in newest.items():
         installed = next(each for each in log.daps[dap_id] if each.time_ns == installed_ns)
+        position = position_of(solved, heights, place)
+        if installed.found and level_sd_m(position) > FOUND_SD_M:
+            continue
         found[dap_id] = InstalledDap(
-            position_of(solved, heights, place),
+            position,
             installed_ns if installed.said_ns is None else installed.said_ns,
             installed.installer_id,
         )

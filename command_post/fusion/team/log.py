@@ -90,7 +90,7 @@ class Installed(NamedTuple):
     """A DAP set down: when, by whom, or where.
 
     ``said_ns`` is the time that it gave itself, where another is supposed. It may have been
-    ``found`` there by those who passed it.
+    ``found`` there by those who passed it. With nobody and nowhere it was taken up.
     """
 
     time_ns: int
@@ -98,6 +98,11 @@ class Installed(NamedTuple):
     position: LocalPosition | None
     said_ns: int | None = None
     found: bool = False
+
+    @property
+    def is_taken_up(self) -> bool:
+        """Whether it stands nowhere from then on, until it is set down again."""
+        return self.installer_id is None and self.position is None
 
 
 class Moves(NamedTuple):
@@ -355,17 +360,30 @@ class TeamLog:
         return True
 
     def add_dap(self, dap_id: str, said: DapInstallation) -> bool:
-        """A DAP says when it was set down. What a place it had been told adds is not news."""
+        """A DAP was set down or taken up. What a place it had been told adds is not news."""
         installs = self.daps.setdefault(dap_id, [])
         if any(each.time_ns == said.event_time_ns for each in installs):
             return False
-        position = said.position
-        insort(
-            installs,
-            Installed(said.event_time_ns, said.installer_id, position),
-            key=lambda each: each.time_ns,
-        )
+        installed = Installed(said.event_time_ns, said.installer_id, said.position)
+        if installed.is_taken_up and said.at_rest:
+            installed = found_by_passes(installed)
+        insort(installs, installed, key=_when)
         return True
+
+    def stands(self, dap_id: str) -> bool:
+        """Whether a DAP stands, by the newest that it said."""
+        return dap_id in self.daps and not self.daps[dap_id][-1].is_taken_up
+
+
+def found_by_passes(installed: Installed) -> Installed:
+    """Return an installation of which it is only known that it stands: passes tell where."""
+    return installed._replace(
+        installer_id=None, position=ANYWHERE, said_ns=installed.time_ns, found=True
+    )
+
+
+def _when(installed: Installed) -> int:
+    return installed.time_ns
 
 
 def _insert(events: list[Peak], event: Peak) -> bool:

@@ -139,7 +139,7 @@ def _rewrite(log: TeamLog, rewritten: Callable[[list[Peak]], list[Peak]]) -> Non
 def _set_down_again(log: TeamLog, suspicion: Suspicion) -> None:
     installs = log.daps[suspicion.node_id]
     before = _before(installs, suspicion.since_ns)
-    if not before:
+    if not before or before[-1].is_taken_up:
         return
     said_ns = before[-1].time_ns if before[-1].said_ns is None else before[-1].said_ns
     again = Installed(suspicion.since_ns, None, ANYWHERE, said_ns, found=True)

@@ -59,8 +59,8 @@ class TeamTracker:
     """Tracks all responders and the DAPs with the team's smoother.
 
     ``counts`` says what had no effect, or came late: ``late_fused`` (events put where they belong
-    in time), ``repeated_event``, ``unplaced`` (installations nobody can place), ``unsolved`` (ticks
-    whose equations had no solution), ``too_many_responders``.
+    in time), ``repeated_event``, ``unsolved`` (ticks whose equations had no solution),
+    ``too_many_responders``.
     """
 
     def __init__(self, settings: TeamSettings) -> None:
@@ -146,14 +146,14 @@ class TeamTracker:
         self._take(event.event_time_ns, event.responder_id, lambda: self._log.add_fix(event))
 
     def install(self, dap_id: str, said: DapInstallation) -> None:
-        """Put a DAP on the map; where it stands is told by the ticks that follow."""
-        if said.position is None and said.installer_id is None:
-            self.counts["unplaced"] += 1
-            return
+        """Put a DAP on the map, or take it off; where it stands is told by the ticks to come."""
         new = self._take(
             said.event_time_ns, dap_id, lambda: self._log.add_dap(dap_id, said), lambda: True,
             of_dap=True,
         )  # fmt: skip
+        if not self._log.stands(dap_id):
+            self._daps = {name: dap for name, dap in self._daps.items() if name != dap_id}
+            self._told_daps.pop(dap_id, None)
         standing = self._daps.get(dap_id)
         if not new and said.position is None and standing is not None:
             # It asks again: the answer may have been lost.
@@ -196,7 +196,8 @@ class TeamTracker:
             heights = solve_heights(log, solved.assembled, latest, self._settings)
             tracks |= smoothed_tracks(solved, heights, self._settings)
             daps |= self._commits.published(crew, latest, daps_of(log, solved, heights))
-        return Afterwards(tracks, daps)
+        standing = {dap_id: dap for dap_id, dap in daps.items() if self._log.stands(dap_id)}
+        return Afterwards(tracks, standing)
 
     def _latest_ns(self) -> int | None:
         times = [
@@ -315,14 +316,15 @@ class TeamTracker:
         if told != self._doubts:
             self._doubts = told
 
-    def _keep_daps(self, daps: Mapping[str, InstalledDap]) -> None:
+    def _keep_daps(self, told: Mapping[str, InstalledDap]) -> None:
+        daps = {dap_id: dap for dap_id, dap in told.items() if self._log.stands(dap_id)}
         self._daps = {**self._daps, **daps}
         for dap_id, dap in daps.items():
-            told = self._told_daps.get(dap_id)
+            before = self._told_daps.get(dap_id)
             if (
-                told is None
-                or told.installed_ns != dap.installed_ns
-                or _apart_m(told.position, dap.position) > MOVED_DAP_M
+                before is None
+                or before.installed_ns != dap.installed_ns
+                or _apart_m(before.position, dap.position) > MOVED_DAP_M
             ):
                 self._told_daps[dap_id] = self._changed_daps[dap_id] = dap
 

@@ -63,7 +63,7 @@ def ties_of(
                 ties.append(_install_tie(chains, chain, installed.time_ns, place, settings))
             elif installed.position is not None:
                 known[place] = _known(installed.position, found=installed.found)
-            else:
+            elif not installed.is_taken_up:
                 continue
             stands.setdefault(dap_id, []).append(installed)
     for index in range(len(chains)):
@@ -119,13 +119,13 @@ def _pass_ties(
     log: TeamLog, chains: list[Chain], index: int, stands: dict[str, list[Installed]],
     until_ns: int, settings: TeamSettings,
 ) -> list[Tie]:  # fmt: skip
-    """Return a responder's passes of DAPs, each tied to where the DAP then stood."""
+    """Return a responder's passes of DAPs, each tied to where the DAP then stood, if it did."""
     heard = log.responders[chains[index].responder_id]
     ties = []
     for peak in _passes(heard.peaks, heard.nears, until_ns, settings):
         standing = stands.get(peak.other_id, [])
         at = bisect_right(standing, peak.time_ns, key=lambda each: each.time_ns)
-        if at:
+        if at and not standing[at - 1].is_taken_up:
             place = _dap_place(peak.other_id, standing[at - 1])
             sd_m = settings.sharpness.sd_at_m(peak.peak_dbm)
             ties.append(_tie(chains, index, peak.time_ns, place, sd_m, settings.sharpness.dof))
