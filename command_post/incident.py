@@ -164,11 +164,6 @@ class Incident:
         return MappingProxyType(self._dap_places)
 
     @property
-    def nowhere(self) -> Mapping[str, str]:
-        """Why it is not known where a DAP stands that had stood somewhere, in words, by its id."""
-        return MappingProxyType(self._nowhere)
-
-    @property
     def heard_ns(self) -> Mapping[tuple[Role, str], int]:
         """When each responder and DAP was last heard, on the post's clock."""
         return MappingProxyType(self._heard_ns)
@@ -216,14 +211,16 @@ class Incident:
     def faults(self, role: Role, node_id: str, now_ns: int) -> list[str]:
         """Return what is wrong with a node at ``now_ns``, in words.
 
-        That is its clock or its id, and what the fusion doubts of it.
+        That is its clock or its id, what the fusion doubts of it, and that a DAP stands nowhere.
         """
         doubted = [
             f"{doubt.words} ({doubt.certainty:.0%})"
             for doubt in self._tracker.doubts
             if (doubt.role, doubt.node_id) == (role, node_id)
         ]
-        return self._senders.faults(role, node_id, now_ns) + doubted
+        is_adrift = role == "dap" and node_id not in self._tracker.daps
+        nowhere = [self._nowhere[node_id]] if is_adrift and node_id in self._nowhere else []
+        return nowhere + self._senders.faults(role, node_id, now_ns) + doubted
 
     def clock(self, role: Role, node_id: str) -> KnownClock | None:
         """Return how far a node's clock is known to be off; ``None`` if nothing is known of it."""

@@ -315,8 +315,7 @@ def _dap_row(dap_id: str, dap: InstalledDap | None, incident: Whereabouts, view:
     if why_lost is not None:
         status, reason = "lost", why_lost
     elif dap is None:
-        reason = incident.nowhere.get(dap_id, "heard, and not set down")
-        status = "not_installed"
+        status, reason = "not_installed", "heard, and not set down"
     else:
         by = f"set down by {dap.installer_id}" if dap.installer_id else "at a known point"
         status, reason = "installed", by

@@ -60,9 +60,7 @@ def _scalars(kind: inspect.Type) -> st.SearchStrategy[Any]:
             return st.from_regex(pattern, fullmatch=True)
         case inspect.LiteralType():
             return st.sampled_from(kind.values)
-        case inspect.BoolType():
-            return st.booleans()
-        case inspect.NoneType():
-            return st.none()
+        case inspect.BoolType() | inspect.NoneType():
+            return st.booleans() if isinstance(kind, inspect.BoolType) else st.none()
         case _:
             raise NotImplementedError(f"the vocabulary has no {kind} so far")

@@ -18,7 +18,10 @@ from tests.wire_messages import INCIDENT, NODE, key_for, messages
 
 every_topic = pytest.mark.parametrize("topic", list(TOPICS))
 
-MAY_BE_ABSENT = {"proximity": {"near_log_odds", "range_m", "range_sd_m"}}
+MAY_BE_ABSENT = {
+    "proximity": {"near_log_odds", "range_m", "range_sd_m"},
+    "installation": {"at_rest"},
+}
 """Fields that are not written where they hold nothing."""
 
 WIRE_FIELDS = {
@@ -64,7 +67,7 @@ WIRE_FIELDS = {
 ADDED_SINCE = {
     "activity", "activity_confidence", "facing_sd_rad", "pressure_pa", "pressure_rows",
     "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns", "lost",
-    "near_log_odds", "range_m", "range_sd_m",
+    "near_log_odds", "range_m", "range_sd_m", "at_rest",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 

@@ -128,6 +128,6 @@ def test_the_commander_reads_that_it_stands_nowhere(method: FusionMethod) -> Non
         incident.handle(str(key_of("dap", "d1", DapInstallation)), encode(said), now_ns)
     incident.finish(now_ns)
     (row,) = make_roster(incident, now_ns, RosterSettings()).daps
-    assert row.reason == "taken up, and nowhere until it is set down again"
+    assert row.fault == "taken up, and nowhere until it is set down again"
     assert row.position is None
     assert incident.dap_places == {}
