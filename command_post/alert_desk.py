@@ -17,6 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 import msgspec
 
+from command_post.told import as_alarm
 from shared.messages import (
     MOST_WORDS,
     Alarm,
@@ -25,6 +26,7 @@ from shared.messages import (
     AlertRequest,
     AlertStage,
     Beat,
+    Mayday,
     Message,
     NodeId,
     OutsideWord,
@@ -75,6 +77,9 @@ class AlertDesk:
         self._settled: dict[tuple[str, Node], str] = {}
         """What somebody has resolved and is not over: its words, so that repeats alert nobody."""
 
+        self._calls: dict[Node, Mayday] = {}
+        """What was said last of a wearer's newest mayday."""
+
         self._next_number = 0
         self._heard_ns: dict[Node, int] = {}
         self._deadlines: list[tuple[int, Node]] = []
@@ -117,6 +122,8 @@ class AlertDesk:
             changed += self._take_alarm(node, message, now_ns)
         elif isinstance(message, StrangerNoticed):
             changed += self._notice_at(node, message, now_ns)
+        elif isinstance(message, Mayday):
+            changed += self._take_mayday(node, message, now_ns)
         return changed
 
     def notice(self, stranger: StrangerNoticed, now_ns: int) -> list[Alert]:
@@ -161,6 +168,24 @@ class AlertDesk:
         if request.stage == "assigned" and assigned_to is None:
             return []
         return self._turn(alert, request.stage, now_ns, by=by, assigned_to=assigned_to)
+
+    def newest(self, kind: AlertKind, node: Node) -> Alert | None:
+        """Return how the newest alert of a kind to a node stands, resolved or not, if any was."""
+        alerts = reversed(self._alerts.values())
+        return next(
+            (one for one in alerts if (one.kind, one.role, one.node_id) == (kind, *node)), None
+        )
+
+    def _take_mayday(self, node: Node, said: Mayday, now_ns: int) -> list[Alert]:
+        """Take in a call or its end; out of the journal it may be older than what was heard."""
+        before = self._calls.get(node)
+        if before is not None and said.event_time_ns < before.event_time_ns:
+            return []
+        self._calls[node] = said
+        if before is not None and said.called_ns != before.called_ns:
+            # A new call is no repeat of one that somebody has resolved.
+            self._settled.pop(("mayday", node), None)
+        return self._take_alarm(node, as_alarm(said), now_ns)
 
     def _take_alarm(self, node: Node, alarm: Alarm, now_ns: int) -> list[Alert]:
         if alarm.phase == "cancelled":

@@ -10,7 +10,7 @@ import msgspec
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from shared.codec import encode
-from shared.messages import Alert, DapEstimate, Message, NodeId, TrackEstimate
+from shared.messages import Alert, DapEstimate, MaydayAnswer, Message, NodeId, TrackEstimate
 from shared.topics import Key
 
 
@@ -44,6 +44,11 @@ class Announcer:
         """Say how an alert stands."""
         numbered = msgspec.structs.replace(alert, sequence=self.next_sequence("alert"))
         return self.outgoing(numbered, "alert")
+
+    def mayday_answer(self, answer: MaydayAnswer) -> Outgoing:
+        """Answer whoever calls mayday."""
+        number = self.next_sequence("mayday_answer")
+        return self.outgoing(msgspec.structs.replace(answer, sequence=number), "mayday_answer")
 
     def track(self, responder_id: str, estimate: Estimate) -> Outgoing:
         """Say where a responder is held to be."""

@@ -23,6 +23,7 @@ from command_post.fusion.methods import make_fusion
 from command_post.fusion.settings import HOLD_S, FusionSettings
 from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
 from command_post.fusion.track import Estimate
+from command_post.mayday_answers import MaydayAnswers
 from command_post.node_clock import KnownClock
 from command_post.orders import Orders
 from command_post.senders import Senders
@@ -36,6 +37,7 @@ from shared.messages import (
     DapInstallation,
     DapPeak,
     HeightFix,
+    MaydayAnswer,
     Message,
     NodeHealth,
     NodeId,
@@ -137,6 +139,7 @@ class Incident:
         self._told = Told()
         self._orders = Orders()
         self._alerts = AlertDesk(settings.hold_ns)
+        self._maydays = MaydayAnswers(self._alerts)
         self._senders = Senders(settings.hold_ns, settings.post_id)
         self._dating = Dating(self._senders)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
@@ -306,7 +309,8 @@ class Incident:
             if isinstance(message, OrderRequest):
                 return self._order(key.node_id, message, now_ns)
             if isinstance(message, AlertRequest):
-                return self._alerted(self._alerts.request(key.node_id, message, now_ns))
+                changed = self._alerts.request(key.node_id, message, now_ns)
+                return self._alerted(changed) + self._answered(self._maydays.after(changed, now_ns))
             if isinstance(message, OutsideWord):
                 return self._alerted(self._alerts.hear_outside(message, now_ns))
             if isinstance(message, StrangerNoticed):
@@ -350,7 +354,8 @@ class Incident:
                 self._orders.meet(key.node_id)
             self._heard_ns[node] = now_ns
             self._take_dated(key, message, now_ns, read_seal(payload))
-            return self._alerted(self._alerts.hear(node, message, now_ns))
+            alerted = self._alerted(self._alerts.hear(node, message, now_ns))
+            return alerted + self._answered(self._maydays.to(key.node_id, message, now_ns))
         return []
 
     def _take_dated(self, key: Key, message: Message, now_ns: int, seal: Seal | None) -> None:
@@ -385,6 +390,9 @@ class Incident:
 
     def _alerted(self, alerts: list[Alert]) -> list[Outgoing]:
         return [self._announcer.alert(alert) for alert in alerts]
+
+    def _answered(self, answers: list[MaydayAnswer]) -> list[Outgoing]:
+        return [self._announcer.mayday_answer(answer) for answer in answers]
 
     def _outcome(self, event: Event) -> Iterator[Outgoing]:
         """Let the tracker have one event, and say what it changed."""

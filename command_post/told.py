@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from shared.messages import Alarm, AlarmKind, Message, NodeHealth, OdometryIncrement
+from shared.messages import Alarm, AlarmKind, Mayday, Message, NodeHealth, OdometryIncrement
 
 
 class RaisedAlarm(NamedTuple):
@@ -36,12 +36,9 @@ class Told:
         """Keep ``message``, heard at ``now_ns``, if it is the newest of its kind."""
         match message:
             case Alarm():
-                of_node = self.alarms.setdefault(node_id, {})
-                known = of_node.get(message.kind)
-                if known is None or _is_newer(message, known.alarm):
-                    goes_on = known is not None and known.alarm.phase == message.phase
-                    heard_ns = known.heard_ns if known is not None and goes_on else now_ns
-                    of_node[message.kind] = RaisedAlarm(message, heard_ns)
+                self._take_alarm(node_id, message, now_ns)
+            case Mayday():
+                self._take_alarm(node_id, as_alarm(message), now_ns)
             case NodeHealth():
                 said = self.health.get(node_id)
                 if said is None or _is_newer(message, said):
@@ -50,6 +47,26 @@ class Told:
                 last = self.movements.get(node_id)
                 if last is None or _is_newer(message, last.increment):
                     self.movements[node_id] = LastMovement(message, now_ns)
+
+    def _take_alarm(self, node_id: str, alarm: Alarm, now_ns: int) -> None:
+        of_node = self.alarms.setdefault(node_id, {})
+        known = of_node.get(alarm.kind)
+        if known is None or _is_newer(alarm, known.alarm):
+            goes_on = known is not None and known.alarm.phase == alarm.phase
+            heard_ns = known.heard_ns if known is not None and goes_on else now_ns
+            of_node[alarm.kind] = RaisedAlarm(alarm, heard_ns)
+
+
+def as_alarm(mayday: Mayday) -> Alarm:
+    """Return a wearer's call for help, or its end, as the alarm that it is."""
+    return Alarm(
+        event_time_ns=mayday.event_time_ns,
+        sequence=mayday.sequence,
+        kind="mayday",
+        phase="alarm" if mayday.phase == "called" else "cancelled",
+        confidence=1.0,
+        reason=mayday.reason,
+    )
 
 
 def _is_newer(message: Message, known: Message) -> bool:

@@ -12,6 +12,7 @@ from shared.command_line import run_command_line
 COMMANDS = {
     "run": "edge_agent.commands.follow:run",
     "set-down": "edge_agent.commands.set_down:set_down",
+    "mayday": "edge_agent.commands.mayday:mayday",
     "rehearse": "edge_agent.commands.rehearse:rehearse",
     "retrace": "edge_agent.commands.retrace:retrace",
     "prepare": "edge_agent.commands.prepare:prepare",

@@ -24,6 +24,8 @@ from shared.messages import (
     HeightFix,
     ImuBatch,
     LocalPosition,
+    Mayday,
+    MaydayAnswer,
     Message,
     NeighbourHeard,
     NodeHealth,
@@ -107,6 +109,10 @@ def one_of_each() -> dict[str, Message]:
         "increment": increment(3),
         "alarm": Alarm(
             **common, kind="fall", phase="alarm", confidence=0.9, reason="impact, then still"
+        ),
+        "mayday": Mayday(**common, phase="called", called_ns=5, reason="the button was held"),
+        "mayday_answer": MaydayAnswer(
+            **common, responder_id="r1", called_ns=5, phase="called", stage="acknowledged", by="c"
         ),
         "health": NodeHealth(**common, level="warning", findings=("Boot sensor runs slow",)),
         "advice": DropAdvice(**common, urgency=0.8, reason="at a junction", boxes_left=2),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from command_post.confidence import HEADING_KNOWN_RAD, radii95_m
-from command_post.gateways.cot import Shown, alarm_event, dap_event, responder_event
+from command_post.gateways.cot import NOT_KNOWN_M, Shown, alarm_event, dap_event, responder_event
 from command_post.roster import Roster
 from shared.codec import Refusal, decode, parse_key
 from shared.geodesy import Origin
@@ -77,11 +77,10 @@ class TakBoard:
     def _due_alarms(self, now_ns: int) -> Iterator[bytes]:
         for number, (alert, left) in list(self._alarms.items()):
             name = _alarm_name(alert)
-            track = self._tracks.get(alert.node_id)
-            if track is None or not self._is_due(name, now_ns):
+            if not self._is_due(name, now_ns):
                 continue
             self._told_ns[name] = now_ns
-            shown = self._shown(alert.node_id, _position(track), track.down_sd_m)
+            shown = self._alarmed(alert.node_id)
             yield alarm_event(shown, now_ns, alert.kind, cancelled=left is not None)
             if left is not None:
                 self._alarms[number] = _Alarm(alert, left - 1)
@@ -103,6 +102,14 @@ class TakBoard:
         course_deg = math.degrees(track.heading_rad) + self._origin.bearing_deg if known else None
         remarks = f"{track.status}: {track.reason}" if track.reason else track.status
         return responder_event(shown, now_ns, course_deg, remarks)
+
+    def _alarmed(self, responder_id: str) -> Shown:
+        """Return where whoever is in need is; without a track, somewhere about the incident."""
+        track = self._tracks.get(responder_id)
+        if track is not None:
+            return self._shown(responder_id, _position(track), track.down_sd_m)
+        somewhere = self._origin.geodetic(0.0, 0.0, 0.0)
+        return Shown(self._uid(responder_id), responder_id, somewhere, NOT_KNOWN_M, None)
 
     def _shown(self, node_id: str, place: LocalPosition, down_sd_m: float | None) -> Shown:
         return Shown(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import dropwhile
+from pathlib import Path
 from threading import Event
 from typing import Annotated
 
@@ -14,6 +16,9 @@ from cyclopts import Parameter, validators
 from edge_agent.agent import Agent
 from edge_agent.commands.prepare import prepared_mount
 from edge_agent.drop_desk import DropDesk, tell_wearer_to_set_down
+from edge_agent.mayday import MaydayCall
+from edge_agent.mayday_controls import Control, InputButton, UnitSocket, socket_path
+from edge_agent.mayday_desk import MaydayDesk
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import MethodName, MountName, default_method
 from edge_agent.order_desk import OrderDesk, tell_wearer
@@ -24,6 +29,7 @@ from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import Clock, PacedClock, SystemClock
+from shared.codec import Refusal, decode, parse_key
 from shared.config import ConfigError, checked
 from shared.exercise import await_exercise
 from shared.files import FileHeldError
@@ -31,7 +37,7 @@ from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.journal_place import JournalFile, journal_path
 from shared.kept_stations import KeptStations
-from shared.messages import LocalPosition, NodeId, TrackStart
+from shared.messages import LocalPosition, Mayday, NodeId, TrackStart
 from shared.node import Node
 from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
@@ -82,6 +88,7 @@ def run(
     imu: bool = True,
     radio: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
     radio_offset: Annotated[float, Parameter(validator=validators.Number(gte=-60, lte=60))] = 0.0,
+    button: Path | None = None,
     journal: JournalFile = None,
     post_id: Annotated[str, Parameter(name="--post")] = "post",
     await_start: bool = False,
@@ -139,6 +146,9 @@ def run(
         ble:ADAPTER, as many as there are, one an option. Posts tell whose radios are whose.
     radio_offset
         Decibels added to what it hears, which bring a DAP at a clear metre to -40 dBm.
+    button
+        The mayday button: an input device of Linux, as /dev/input/event3. Held for a second it
+        calls, held for three it takes the call back. 'edge-agent mayday' does without one.
     journal
         File that keeps what is said until the post has it; by default one of this responder's in
         the incident, among what programs keep for the user.
@@ -193,6 +203,7 @@ def run(
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement),
                 _order_desk(node, check_id(post_id, "--post"), acknowledged, node_time),
+                _mayday_desk(node, post_id, kept, button),
                 RadioDesk(node, radios, KeptStations(kept), radio_offset, drop_desk),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
@@ -218,6 +229,25 @@ def _order_desk(node: Node, post_id: NodeId, acknowledged: Event, node_time: Nod
     return OrderDesk(
         node.bus, node.incident, OrderBook(node.node_id, post_id), node.sender(),
         Gate(node.verifier), node.clock, acknowledged, tell_wearer, node_time.post_time_ns,
+    )  # fmt: skip
+
+
+def _mayday_desk(node: Node, post_id: NodeId, journal: Path, button: Path | None) -> MaydayDesk:
+    """Return where the wearer calls for help; a call that a kill broke off goes on."""
+    call, sender = MaydayCall(node.node_id, post_id), node.sender()
+    said = node.outbox.newest(sender.key(Mayday)) if node.outbox.broken_off else None
+    key = parse_key(sender.key(Mayday))
+    if said is not None and not isinstance(key, Refusal):
+        before = decode(key, said)
+        if isinstance(before, Mayday):
+            call.go_on(before)
+    controls: list[Control] = [] if button is None else [InputButton(button)]
+    # Where there is no such socket (Windows) there is the button alone.
+    if hasattr(socket, "AF_UNIX"):
+        controls.append(UnitSocket(socket_path(journal)))
+    return MaydayDesk(
+        node.bus, node.incident, call, sender, Gate(node.verifier), node.clock, controls,
+        node.bus.connected,
     )  # fmt: skip
 
 

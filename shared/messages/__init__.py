@@ -13,6 +13,7 @@ from shared.messages.command import (
     Alert,
     AlertRequest,
     ExerciseStart,
+    MaydayAnswer,
     Order,
     OrderAnswer,
     OrderReply,
@@ -84,7 +85,7 @@ from shared.messages.values import (
     Vector3,
     Words,
 )
-from shared.messages.wearer import Alarm, DropAdvice, NodeHealth
+from shared.messages.wearer import Alarm, DropAdvice, Mayday, NodeHealth
 
 __all__ = [
     "HIGHEST_PRESSURE_PA",
@@ -125,6 +126,8 @@ __all__ = [
     "ImuSample",
     "Listed",
     "LocalPosition",
+    "Mayday",
+    "MaydayAnswer",
     "Message",
     "MessageNumber",
     "Mount",

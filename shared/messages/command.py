@@ -91,6 +91,20 @@ class AlertRequest(Message, frozen=True, kw_only=True):
     assigned_to: NodeId | None
 
 
+class MaydayAnswer(Message, frozen=True, kw_only=True):
+    """The post has heard a responder's mayday, or its end (``phase``), named by ``called_ns``.
+
+    ``stage`` is how the alert to it stands: ``heard`` as long as nobody has taken it up, else who
+    has (``by``) acknowledged or resolved it.
+    """
+
+    responder_id: NodeId
+    called_ns: TimeNs
+    phase: Literal["called", "cancelled"]
+    stage: Literal["heard", "acknowledged", "resolved"]
+    by: NodeId | None
+
+
 class StrangerNoticed(Message, frozen=True, kw_only=True):
     """The post's gate turns away what is said in a node's name, and why."""
 

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from shared.messages.values import AlarmKind, AlarmPhase, Confidence, HealthLevel, Message, Words
+from shared.messages.values import (
+    AlarmKind,
+    AlarmPhase,
+    Confidence,
+    HealthLevel,
+    Message,
+    TimeNs,
+    Words,
+)
 
 
 class Alarm(Message, frozen=True, kw_only=True):
@@ -19,6 +27,17 @@ class Alarm(Message, frozen=True, kw_only=True):
     kind: AlarmKind
     phase: AlarmPhase
     confidence: Confidence
+    reason: Words
+
+
+class Mayday(Message, frozen=True, kw_only=True):
+    """A wearer calls for help, or takes that back: said again until the post has answered.
+
+    ``called_ns`` is when they called, and names the call; ``event_time_ns`` when its phase began.
+    """
+
+    phase: Literal["called", "cancelled"]
+    called_ns: TimeNs
     reason: Words
 
 

@@ -30,7 +30,9 @@ TOKENS: dict[str, tuple[Role, ...]] = {
 }
 """The liveliness tokens, and who holds them."""
 
-MEANT_FOR_RESPONDERS = ("order", "receipt", "exercise", "beat", "stations", *ANSWERED, "alive")
+MEANT_FOR_RESPONDERS = (
+    "order", "mayday_answer", "receipt", "exercise", "beat", "stations", *ANSWERED, "alive",
+)  # fmt: skip
 """What a responder hears and asks of posts."""
 
 _SAYS = ["put", "reply", "declare_queryable", "liveliness_token"]

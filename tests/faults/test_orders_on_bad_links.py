@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from command_post.incident import Incident, IncidentSettings
-from command_post.post import Post
+from command_post.post import Guest, Post
 from command_post.recording import Recorder
 from command_post.roster import Roster
 from edge_agent.order_desk import OrderDesk
@@ -33,13 +33,13 @@ PATIENT_S = 90.0
 
 
 @contextmanager
-def post_at_work(bus: ZenohBus, path: Path) -> Iterator[list[Roster]]:
-    """Let a post serve on ``bus``; give what it shows."""
+def post_at_work(bus: ZenohBus, path: Path, guests: Sequence[Guest] = ()) -> Iterator[list[Roster]]:
+    """Let a post with ``guests`` serve on ``bus``; give what it shows."""
     shown, stop = list[Roster](), threading.Event()
     with Recorder(path, {}) as recorder:
         post = Post(
             bus, Incident(IncidentSettings(incident=FIRE)), recorder, SystemClock(),
-            follows_exercise=False, show=shown.append, outbox=Unkept(),
+            follows_exercise=False, show=shown.append, outbox=Unkept(), guests=guests,
         )  # fmt: skip
         thread = threading.Thread(target=post.serve, args=(stop,))
         thread.start()

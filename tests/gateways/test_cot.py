@@ -167,3 +167,11 @@ def test_an_alarm_is_repeated_and_its_end_said_a_few_times() -> None:
     assert [("b-a-o-can" in each) for each in later] == [
         turn < CANCELLED_TIMES for turn in range(10)
     ]
+
+
+def test_an_emergency_of_somebody_without_a_track_is_told_all_the_same() -> None:
+    board = TakBoard("fire", ORIGIN)
+    board.publish("clew/v1/fire/post/post/alert", alert("raised"))
+    (told,) = [fromstring(each) for each in board.due(NOW_NS)]
+    assert told.get("type") == "b-a-o-tbl"
+    assert float(attribute(told, "point", "ce")) > 1e6

@@ -29,6 +29,8 @@ WIRE_FIELDS = {
     "increment": "event_time_ns sequence start_time_ns d_north_m d_east_m d_down_m d_heading_rad "
     "heading_rad covariance mount activity activity_confidence facing_sd_rad",
     "alarm": "event_time_ns sequence kind phase confidence reason",
+    "mayday": "event_time_ns sequence phase called_ns reason",
+    "mayday_answer": "event_time_ns sequence responder_id called_ns phase stage by",
     "health": "event_time_ns sequence level findings",
     "advice": "event_time_ns sequence urgency reason boxes_left",
     "imu": "event_time_ns sequence time_ns force_m_s2 rate_rad_s field_ut "
