@@ -26,6 +26,7 @@ COMMANDS = (
     "scoring:replay",
     "scoring:score_file",
     "afterwards:afterwards",
+    "review:review",
     "offline:rehearse",
     "offline:montecarlo",
     "offline:plan",

@@ -157,10 +157,18 @@ class IndexedRecording:
         """All keys there are messages of."""
         return list(self._places)
 
-    @property
-    def spans_ns(self) -> list[tuple[int, int]]:
-        """From when to when each chunk has messages, in the order of the file."""
-        return [(each.start_ns, each.end_ns) for each in self._chunks]
+    def silences_ns(self, least_ns: int) -> Iterator[tuple[int, int]]:
+        """Yield from when to when nothing was put into it for so long at least."""
+        before_ns = self.start_ns
+        for number, chunk in enumerate(self._chunks):
+            times_ns = [chunk.start_ns, chunk.end_ns]
+            if chunk.end_ns - chunk.start_ns >= least_ns:
+                entries = (self._entries(number, int(each)) for each in chunk.offsets["offset"])
+                times_ns += sorted(time for found in entries for time in found["time_ns"].tolist())
+            for time_ns in sorted(times_ns):
+                if time_ns - before_ns >= least_ns:
+                    yield before_ns, time_ns
+                before_ns = max(before_ns, time_ns)
 
     def located(self, wanted: Iterable[Series]) -> Iterator[tuple[RecordedMessage, Spot]]:
         """Yield all messages of some series in their order, and where each is."""

@@ -19,7 +19,7 @@ from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from command_post.incident import IncidentSettings
 from command_post.orders import Orders
-from command_post.review.standing import RARE, Course, Happened, Standing
+from command_post.review.standing import MADE, RARE, Course, Happened, Standing
 from command_post.review.tracks import Told, TrackBook
 from command_post.roster import ResponderRow, RosterSettings, make_roster
 from command_post.roster_json import roster_json
@@ -70,6 +70,9 @@ class Past:
             raise RecordingError(f"{recording.paths[0]}: {error}") from error
         self.begin_ns, self.end_ns = recording.start_ns, recording.end_ns
         self.read_until_ns = self.begin_ns
+        self.failed: str | None = None
+        """Why no more is read, if so."""
+
         self._keys = {each: parse_key(each.key) for each in recording.series}
         self._of_topic: dict[tuple[str, bool], list[tuple[Series, Key]]] = defaultdict(list)
         self._of_node: dict[tuple[Role, str], list[Series]] = defaultdict(list)
@@ -202,11 +205,10 @@ class Past:
                 yield Happened(at_ns, Key(self.settings.incident, role, node_id, "start"), None)
 
     def _rare(self) -> Iterator[Happened]:
-        made = {"alert", "order_answer", "dap_place"}
         keys = {
             series: key
             for (topic, outgoing), found in self._of_topic.items()
-            if topic in RARE and outgoing == (topic in made)
+            if topic in RARE and outgoing == (topic in MADE)
             for series, key in found
         }
         for recorded, _ in self.recording.located(keys):

@@ -27,9 +27,15 @@ from shared.messages import (
 from shared.topics import Key, Role
 
 RARE = frozenset(
-    {"alert", "order_answer", "order_request", "order_reply", "alarm", "installation", "dap_place"}
-)
-"""The topics of which it is gone by."""
+    {
+        "alert", "order", "order_answer", "order_request", "order_reply", "alarm", "installation",
+        "dap_place",
+    }
+)  # fmt: skip
+"""The topics that it is gone by."""
+
+MADE = frozenset({"alert", "order", "order_answer", "dap_place"})
+"""Those of them that the post has made of what it received."""
 
 
 class Happened(NamedTuple):

@@ -43,7 +43,8 @@ class TrackBook:
 
     def trails(self, at_ns: int) -> dict[NodeId, list[Point]]:
         """Return the ways behind all responders as the page showed them at ``at_ns``."""
-        return {name: each.trail(at_ns) for name, each in list(self._of.items())}
+        found = ((name, each.trail(at_ns)) for name, each in list(self._of.items()))
+        return {name: trail for name, trail in found if trail}
 
 
 class _Responder:

@@ -30,10 +30,10 @@ _log = structlog.stdlib.get_logger(__name__)
 @contextmanager
 def served(
     app_of: Callable[[Ends], Starlette], address: Address, bundle: Bundle | None
-) -> Iterator[None]:
-    """Serve what ``app_of`` returns at ``address`` until the block ends; encrypted by ``bundle``.
+) -> Iterator[str]:
+    """Serve what ``app_of`` returns at ``address`` until the block ends, and give its URL.
 
-    Raises ``OSError`` if nobody can listen there.
+    It is encrypted by ``bundle``, if there is one. Raises ``OSError`` if nobody can listen there.
     """
     listening = _listen(address)
     server = _server(app_of, bundle)
@@ -42,9 +42,10 @@ def served(
     port = listening.getsockname()[1]
     host = f"[{address.host}]" if ":" in address.host else address.host
     scheme = "http" if bundle is None else "https"
-    _log.info("the page is served", url=f"{scheme}://{host}:{port}/")
+    url = f"{scheme}://{host}:{port}/"
+    _log.info("the page is served", url=url)
     try:
-        yield
+        yield url
     finally:
         server.should_exit = True
         thread.join()

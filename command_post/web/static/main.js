@@ -4,6 +4,7 @@ import { MapView } from "./map.js";
 import { Model } from "./model.js";
 import { showAlerts, showDaps, showFloors, showPeople, wayWords } from "./panels.js";
 import * as post from "./post.js";
+import { Review } from "./review.js";
 import { changeLanguage, changeUnits, duration, word, writeWords } from "./words.js";
 
 const RANKS = { viewer: 0, operator: 1, commander: 2 };
@@ -16,6 +17,7 @@ let due = { tracks: false, panels: false };
 let lostSince = null;
 let drawnFirst = false;
 let wayTimer = 0;
+let review = null;
 const seen = new Set();
 
 const may = (role) => RANKS[me.role] >= RANKS[role];
@@ -85,6 +87,11 @@ function linked(isLinked) {
 
 function showLink() {
   const link = $("link");
+  if (review) {
+    link.dataset.state = "past";
+    link.textContent = word("recording");
+    return;
+  }
   link.dataset.state = lostSince === null ? (model.roster ? "live" : "waiting") : "lost";
   link.textContent = lostSince === null
     ? word(model.roster ? "live" : "waiting")
@@ -142,7 +149,7 @@ function wireButtons() {
   $("message").onclick = () => askOrder("message", ids(), new Set());
   $("fit").onclick = () => view.fit();
   $("units").onclick = () => { changeUnits(); ask({ tracks: false, panels: true }); };
-  $("language").onclick = () => { changeLanguage(); writeWords(); showLink(); ask({ tracks: false, panels: true }); };
+  $("language").onclick = () => { changeLanguage(); writeWords(); showLink(); review?.write(); ask({ tracks: false, panels: true }); };
   $("theme").onclick = () => {
     const night = document.documentElement.dataset.theme !== "night";
     localStorage.setItem("theme", night ? "night" : "day");
@@ -164,7 +171,16 @@ async function begin() {
   $("sign-out").hidden = me.name === "local";
   $("sign-out").textContent = `${word("sign_out")} (${me.name})`;
   for (const button of document.querySelectorAll("[data-role]")) button.disabled = !may(button.dataset.role);
-  post.follow(take, linked);
+  if (me.review) beginReview();
+  else post.follow(take, linked);
+}
+
+/** Nothing can be ordered in what is past: what would do so is not shown. */
+function beginReview() {
+  document.documentElement.dataset.review = "";
+  review = new Review({ moment: (changes) => { view.clear(); take(changes); }, changes: take });
+  showLink();
+  review.begin();
 }
 
 function start() {

@@ -70,9 +70,16 @@ export class MapView {
     this.sources.way.addFeature(new ol.Feature({ kind: "way", geometry: line }));
   }
 
+  /** Forget everybody: what is drawn next is of another time. */
+  clear() {
+    for (const name of ["trails", "regions", "people", "daps"]) this.sources[name].clear();
+    this.#features.clear();
+    this.#daps.clear();
+  }
+
   drawTracks() {
     const touched = this.#model.takeTouched();
-    for (const id of touched) this.#draw(this.#model.tracks.get(id));
+    for (const id of touched) if (this.#model.tracks.has(id)) this.#draw(this.#model.tracks.get(id));
     if (touched.size && this.#followed) this.#fitIfOutside();
   }
 

@@ -27,6 +27,13 @@ export const turnAlert = (number, stage, assigned_to = null) =>
 export const wayOut = (id) => talk(`ways/out/${id}`);
 export const rescue = (id) => talk(`ways/rescue/${id}`);
 
+export const timeline = () => talk("timeline");
+/** All that was shown so many seconds after a recording's beginning. */
+export const moment = (at_s) => talk(`moment?at_s=${at_s}`);
+/** What changed in `count` steps from there on. */
+export const moments = (after_s, step_s, count) =>
+  talk(`moments?after_s=${after_s}&step_s=${step_s}&count=${count}`);
+
 /** Have `changed` called with what has changed, and `linked` with whether there is a link. */
 export function follow(changed, linked) {
   const events = new EventSource("api/v1/events");

@@ -21,6 +21,9 @@ const CATALOGUE = {
     on: "straight on", left: "left", right: "right", around: "turn around",
     upstairs: "upstairs", downstairs: "downstairs",
     motionless: "Motionless", lost_contact: "Lost contact", doubt: "Doubt", intruder: "Intruder",
+    recording: "recording", time_line: "Time line", play: "Play", hold: "Pause", speed: "Speed",
+    mark_before: "Event before", mark_next: "Next event", happened: "What happened",
+    ordered: "ordered", received: "received", withdraw: "Withdrawn",
   },
   ko: {
     evacuate: "대피", roll_call: "인원 점검", message: "메시지", units: "m / ft",
@@ -43,6 +46,9 @@ const CATALOGUE = {
     on: "직진", left: "왼쪽", right: "오른쪽", around: "뒤로 돌아",
     upstairs: "위층으로", downstairs: "아래층으로",
     motionless: "움직임 없음", lost_contact: "연락 두절", doubt: "의심", intruder: "침입자",
+    recording: "기록", time_line: "시간선", play: "재생", hold: "일시 정지", speed: "속도",
+    mark_before: "이전 사건", mark_next: "다음 사건", happened: "발생한 일",
+    ordered: "지시함", received: "수신함", withdraw: "철회",
   },
 };
 

@@ -1,0 +1,82 @@
+"""``command-post review``: a recording in the page, to be played and gone through."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import structlog
+
+from command_post.listening import Address, listening_address
+from command_post.review.past import Past
+from command_post.web.review_app import make_review_app
+from command_post.web.serving import served
+from shared.mcap_index import IndexedRecording
+from shared.mcap_reader import RecordingError
+from shared.process import ExitCode, stop_on_signals
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+def review(*files: Path, page: str = "127.0.0.1:8080") -> int:
+    """Show a recording in the commander's page, as it was at any moment, until SIGINT or SIGTERM.
+
+    Nothing in it can be ordered or dealt with. Example: command-post review incident.mcap
+
+    Parameters
+    ----------
+    files
+        A recording: .mcap, or the .mcap.part that a killed post leaves; or all its parts in order.
+    page
+        HOST:PORT of this machine where a browser finds it.
+
+    """
+    try:
+        address = _address(page)
+        if not files:
+            raise ValueError("name a recording, as in: command-post review incident.mcap")
+        with stop_on_signals() as stop, IndexedRecording(files) as recording:
+            past = Past(recording)
+            if not recording.finished or recording.damages:
+                _log.warning(f"{files[0]}: not whole: 'command-post verify' says what is missing")
+            with _read_aside(past), served(lambda ends: make_review_app(past, ends), address, None):
+                stop.wait()
+    except (RecordingError, ValueError, OSError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    return ExitCode.OK
+
+
+def _address(text: str) -> Address:
+    address = listening_address("--page", text, "127.0.0.1:8080")
+    if not address.is_local:
+        raise ValueError(
+            f"--page {text!r}: a recording is shown on this machine alone; use 127.0.0.1:PORT"
+        )
+    return address
+
+
+@contextmanager
+def _read_aside(past: Past) -> Iterator[None]:
+    """Read the estimates of a recording meanwhile."""
+    stop = threading.Event()
+
+    def read() -> None:
+        try:
+            for _ in past.read():
+                if stop.is_set():
+                    return
+        except Exception as error:
+            # Who waits for the rest must be told, and what was read can still be shown.
+            past.failed = f"the rest cannot be read: {error}"
+            _log.error(past.failed)
+
+    thread = threading.Thread(target=read, name="reader")
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()

@@ -1,0 +1,125 @@
+"""The page over a recording: any moment of it, what happened in it, and nothing to be done.
+
+The page's files are those of a post at work. Nothing here changes what was: there is no way to
+order anybody, and none to deal with an alert.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from http import HTTPStatus
+from importlib.resources import files
+from itertools import pairwise
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from command_post.review.past import Past
+from command_post.review.timeline import timeline_of
+from command_post.web.answers import RefusedError, json_answer, tell_refusal
+from command_post.web.board import Changes
+from command_post.web.guard import Guard
+from command_post.web.people import LOCAL_NAME
+from command_post.web.serving import LOCAL_NAMES, Ends
+from shared.units import NS_PER_S
+
+WAIT_S = 0.02
+MOST_MOMENTS = 100
+LONGEST_STEP_S = 600.0
+ROSTER_EVERY = 3
+"""Of moments that follow one another, each third one has the roster."""
+
+
+def make_review_app(past: Past, ends: Ends) -> Starlette:
+    """Return the page of a recording; who waits for what is not read yet goes when it ``ends``."""
+    api = _Review(past, ends)
+    static = files("command_post.web") / "static"
+    return Starlette(
+        routes=[
+            Mount("/api/v1", routes=api.routes()),
+            Mount("/", StaticFiles(directory=str(static), html=True)),
+        ],
+        middleware=[Middleware(Guard, hosts=LOCAL_NAMES)],
+        exception_handlers={RefusedError: tell_refusal},
+    )
+
+
+class _Review:
+    def __init__(self, past: Past, ends: Ends) -> None:
+        self._past = past
+        self._ends = ends
+
+    def routes(self) -> list[Route]:
+        return [
+            Route("/me", self.me),
+            Route("/timeline", self.timeline),
+            Route("/moment", self.moment),
+            Route("/moments", self.moments),
+        ]
+
+    async def me(self, _: Request) -> Response:
+        settings = self._past.settings
+        return json_answer(
+            {
+                "incident": settings.incident, "post": settings.post_id, "name": LOCAL_NAME,
+                "role": "viewer", "review": True,
+            }
+        )  # fmt: skip
+
+    async def timeline(self, _: Request) -> Response:
+        return json_answer(await asyncio.to_thread(timeline_of, self._past))
+
+    async def moment(self, request: Request) -> Response:
+        """Answer all that was shown at ``at_s``, in seconds since the beginning."""
+        at_ns = self._ns(_asked(request, "at_s"))
+        await self._is_read(at_ns)
+        return json_answer(await asyncio.to_thread(self._past.moment, at_ns))
+
+    async def moments(self, request: Request) -> Response:
+        """Answer ``count`` changes, each ``step_s`` after the one before, from ``after_s`` on."""
+        after_s = _asked(request, "after_s")
+        step_s = min(max(_asked(request, "step_s"), 0.0), LONGEST_STEP_S)
+        count = min(max(round(_asked(request, "count")), 0), MOST_MOMENTS)
+        times_ns = [self._ns(after_s + number * step_s) for number in range(count + 1)]
+        await self._is_read(times_ns[-1])
+
+        def told() -> list[Changes]:
+            return [
+                self._past.changes(
+                    before_ns, at_ns, with_roster=number % ROSTER_EVERY == ROSTER_EVERY - 1
+                )
+                for number, (before_ns, at_ns) in enumerate(pairwise(times_ns))
+            ]
+
+        return json_answer(await asyncio.to_thread(told))
+
+    def _ns(self, at_s: float) -> int:
+        """Return a time on the post's clock; beyond the recording there is its beginning or end."""
+        past = self._past
+        length_s = (past.end_ns - past.begin_ns) / NS_PER_S
+        return past.begin_ns + round(min(max(at_s, 0.0), length_s) * NS_PER_S)
+
+    async def _is_read(self, at_ns: int) -> None:
+        """Return once the estimates of a moment have been read."""
+        while self._past.read_until_ns < at_ns:
+            if self._ends() or self._past.failed is not None:
+                why = self._past.failed or "it ends"
+                raise RefusedError(HTTPStatus.SERVICE_UNAVAILABLE, why)
+            await asyncio.sleep(WAIT_S)
+
+
+def _asked(request: Request, name: str) -> float:
+    """Return what is asked for as ``name``; refuse what is no finite number."""
+    text = request.query_params.get(name, "")
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise RefusedError(HTTPStatus.BAD_REQUEST, f"{name}={text!r}: give a number")
+    return value
