@@ -16,6 +16,7 @@ import msgspec
 from command_post.alert_desk import AlertDesk, Known
 from command_post.announcer import Announcer, Outgoing
 from command_post.both_ways import BothWays, Side
+from command_post.box_words import box_words
 from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Doubt
@@ -214,16 +215,23 @@ class Incident:
     def faults(self, role: Role, node_id: str, now_ns: int) -> list[str]:
         """Return what is wrong with a node at ``now_ns``, in words.
 
-        That is its clock or its id, what the fusion doubts of it, and that a DAP stands nowhere.
+        That is its clock or its id, and what the fusion doubts of it; of a DAP also what its box
+        said of itself, and that it stands nowhere.
         """
         doubted = [
             f"{doubt.words} ({doubt.certainty:.0%})"
             for doubt in self._tracker.doubts
             if (doubt.role, doubt.node_id) == (role, node_id)
         ]
-        is_adrift = role == "dap" and node_id not in self._tracker.daps
-        nowhere = [self._nowhere[node_id]] if is_adrift and node_id in self._nowhere else []
-        return nowhere + self._senders.faults(role, node_id, now_ns) + doubted
+        of_box = self._faults_of_dap(node_id, now_ns) if role == "dap" else []
+        return of_box + self._senders.faults(role, node_id, now_ns) + doubted
+
+    def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
+        silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
+        words = [*box_words(self._told.boxes.get(dap_id), silent_ns)]
+        if dap_id in self._nowhere and dap_id not in self._tracker.daps:
+            words.append(self._nowhere[dap_id])
+        return words
 
     def clock(self, role: Role, node_id: str) -> KnownClock | None:
         """Return how far a node's clock is known to be off; ``None`` if nothing is known of it."""

@@ -1,4 +1,4 @@
-"""The newest of what responders' units tell and is not fused: alarms, health, movements (pure).
+"""The newest of what units tell and is not fused: alarms, health, movements, boxes (pure).
 
 It is taken in at once: an alarm waits for nobody.
 """
@@ -7,7 +7,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from shared.messages import Alarm, AlarmKind, Mayday, Message, NodeHealth, OdometryIncrement
+from shared.messages import (
+    Alarm,
+    AlarmKind,
+    DapState,
+    Mayday,
+    Message,
+    NodeHealth,
+    OdometryIncrement,
+)
 
 
 class RaisedAlarm(NamedTuple):
@@ -25,9 +33,13 @@ class LastMovement(NamedTuple):
 
 
 class Told:
-    """What was told last, by responder; alarms by their kind as well, ``cancelled`` ones too."""
+    """What was told last, by responder; alarms by their kind as well, ``cancelled`` ones too.
+
+    ``boxes`` by DAP: what each said of itself.
+    """
 
     def __init__(self) -> None:
+        self.boxes: dict[str, DapState] = {}
         self.alarms: dict[str, dict[AlarmKind, RaisedAlarm]] = {}
         self.health: dict[str, NodeHealth] = {}
         self.movements: dict[str, LastMovement] = {}
@@ -43,6 +55,10 @@ class Told:
                 said = self.health.get(node_id)
                 if said is None or _is_newer(message, said):
                     self.health[node_id] = message
+            case DapState():
+                box = self.boxes.get(node_id)
+                if box is None or _is_newer(message, box):
+                    self.boxes[node_id] = message
             case OdometryIncrement():
                 last = self.movements.get(node_id)
                 if last is None or _is_newer(message, last.increment):

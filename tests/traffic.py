@@ -18,6 +18,7 @@ from shared.messages import (
     DapInstallation,
     DapPeak,
     DapReading,
+    DapState,
     DropAdvice,
     ExerciseStart,
     FloorShare,
@@ -136,6 +137,7 @@ def one_of_each() -> dict[str, Message]:
         "fix": PositionFix(**common, responder_id="r1", source="commander", position=_HERE),
         "height_fix": HeightFix(**common, node="dap", node_id="d1", down_m=-3.0, sd_m=0.3),
         "installation": DapInstallation(**common, installer_id="r1", position=None),
+        "state": DapState(**common, battery_share=0.4, temperature_c=41.5, going=None),
         "set_down": SetDownHere(**common, dap_id="d1", position=_HERE),
         "stations": StationTable(
             **common, responders=(("02:00:5e:10:00:01", "r1"),), daps=(("02:00:5e:10:00:09", "d1"),)

@@ -11,6 +11,7 @@ from typing import Annotated
 import structlog
 from cyclopts import Parameter, validators
 
+from dap_node.box import SWITCHED_OFF, BoxDesk
 from dap_node.kept_standing import KeptStanding
 from dap_node.node import DapNode
 from dap_node.scanners.accelerometer import IioAccelerometer
@@ -173,8 +174,7 @@ def run(
                 if isinstance(opened, Playable):
                     _play(node, dap, opened, None if await_start else speed)
                 else:
-                    for observation in live_observations(opened, node.clock, stop, button):
-                        dap.take(observation)
+                    follow_live(node, dap, live_observations(opened, node.clock, stop, button))
                 bus.ask_no_more()
     except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
@@ -196,6 +196,21 @@ def _roles(bundle: Bundle | None) -> Callable[[str], Role]:
     if bundle is not None:
         roles = {each.id: each.role for each in bundle.nodes.nodes}
     return lambda node_id: roles.get(node_id, "responder")
+
+
+def follow_live(node: Node, dap: DapNode, observations: Iterable[Observation]) -> None:
+    """Hand each observation to the DAP; say what its box is like, and why it goes off at last."""
+    box = BoxDesk(node.sender())
+    why = SWITCHED_OFF
+    try:
+        for observation in observations:
+            dap.take(observation)
+            box.pass_time(observation.time_ns)
+    except Exception as error:
+        why = f"failed: {error}"
+        raise
+    finally:
+        box.go_off(node.clock.now_ns(), why)
 
 
 def _said_before(node: Node) -> bytes | None:

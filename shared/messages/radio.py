@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from shared.messages.values import (
+    Confidence,
     Duration,
     Listed,
     LocalPosition,
@@ -14,6 +15,7 @@ from shared.messages.values import (
     NodeId,
     PowerDbm,
     StandardDeviation,
+    Words,
 )
 
 
@@ -103,6 +105,17 @@ class DapInstallation(Message, frozen=True, kw_only=True, omit_defaults=True):
     installer_id: NodeId | None
     position: LocalPosition | None
     at_rest: bool = False
+
+
+class DapState(Message, frozen=True, kw_only=True):
+    """What a DAP's box is like: how much battery is left, how hot it is; ``None``: it cannot tell.
+
+    ``going`` says why it is heard no more from now on.
+    """
+
+    battery_share: Confidence | None
+    temperature_c: Annotated[float, Meta(ge=-300.0, le=2000.0)] | None
+    going: Words | None
 
 
 class SetDownHere(Message, frozen=True, kw_only=True):

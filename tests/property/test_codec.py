@@ -46,6 +46,7 @@ WIRE_FIELDS = {
     "fix": "event_time_ns sequence responder_id source position",
     "height_fix": "event_time_ns sequence node node_id down_m sd_m",
     "installation": "event_time_ns sequence installer_id position at_rest",
+    "state": "event_time_ns sequence battery_share temperature_c going",
     "set_down": "event_time_ns sequence dap_id position",
     "stations": "event_time_ns sequence responders daps",
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
