@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import suppress
 from http import HTTPStatus
 from importlib.resources import files
 from typing import Annotated, Literal, NamedTuple, TypeAlias, TypeVar
@@ -21,6 +22,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
+from starlette.types import Receive, Scope, Send
 
 from command_post.web.answers import RefusedError, body_of, json_answer, tell_refusal
 from command_post.web.board import Changes
@@ -199,7 +201,7 @@ class _Api:
         self._may(request, "viewer")
         run, _, version = request.headers.get("last-event-id", "").partition("-")
         since = int(version) if run == self._run and version.isdecimal() else 0
-        return StreamingResponse(
+        return Events(
             self._stream(request, since),
             media_type="text/event-stream",
             headers={"Cache-Control": "no-store"},
@@ -276,6 +278,15 @@ class _Api:
         if not session.may(role):
             raise RefusedError(HTTPStatus.FORBIDDEN, f"a {session.role} may not; a {role} may")
         return session
+
+
+class Events(StreamingResponse):
+    """Server-sent events; who is too slow to hear that they are over is hung up on."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer until there is nothing more to tell."""
+        with suppress(asyncio.CancelledError):
+            await super().__call__(scope, receive, send)
 
 
 class _Frames:

@@ -19,6 +19,9 @@ GOODBYE_S = 1
 """Whoever is being answered has so long, once the server stops."""
 
 MOST_CONNECTIONS = 256
+MOST_UNDER_WAY_BYTES = 1 << 18
+"""More is not sent ahead: whoever is slow would be told what was, before what is."""
+
 LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 
 Ends: TypeAlias = Callable[[], bool]
@@ -55,12 +58,14 @@ def served(
 def _listen(address: Address) -> socket.socket:
     family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
     try:
-        return socket.create_server((address.host, address.port), family=family)
+        listening = socket.create_server((address.host, address.port), family=family)
     except OSError as error:
         raise OSError(
             f"--page {address.host}:{address.port}: cannot listen ({error.strerror}); "
             "use another port"
         ) from None
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MOST_UNDER_WAY_BYTES)
+    return listening
 
 
 def _server(app_of: Callable[[Ends], Starlette], bundle: Bundle | None) -> uvicorn.Server:

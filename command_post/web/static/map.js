@@ -1,28 +1,29 @@
 // The map: ways that were walked, who is where and how surely, access points. Metres, north is up.
 /* global ol */
-const ELLIPSE_POINTS = 36;
-const SHAPES = { tracking: 24, dead_reckoning: 4, recovering: 3, lost: 4 };
-const GROWS_WIDE_M = 80;
+import { CrowdLayer } from "./crowd_layer.js";
 
 const projection = new ol.proj.Projection({ code: "clew:local", units: "m" });
 
 export class MapView {
   #model;
-  #features = new Map();
+  #crowd;
+  #way;
   #daps = new Map();
+  #sites = null;
+  #styles = new Map();
   #floor = null;
   #followed = true;
 
   constructor(target, model) {
     this.#model = model;
-    this.sources = { trails: new ol.source.Vector(), regions: new ol.source.Vector(),
-      people: new ol.source.Vector(), daps: new ol.source.Vector(), sites: new ol.source.Vector(),
-      way: new ol.source.Vector() };
+    this.#crowd = new CrowdLayer(model);
+    this.sources = { daps: new ol.source.Vector(), sites: new ol.source.Vector(), way: new ol.source.Vector() };
     const layer = (source) => new ol.layer.Vector({ source, updateWhileInteracting: true,
       updateWhileAnimating: true, style: (feature) => this.#style(feature) });
+    this.#way = layer(this.sources.way);
     this.map = new ol.Map({
       target,
-      layers: ["trails", "regions", "way", "sites", "daps", "people"].map((name) => layer(this.sources[name])),
+      layers: [layer(this.sources.sites), layer(this.sources.daps), this.#crowd, this.#way],
       view: new ol.View({ projection, center: [0, 0], resolution: 0.15, minResolution: 0.005,
         maxResolution: 50, enableRotation: false }),
       controls: [new ol.control.ScaleLine({ minWidth: 80 })],
@@ -36,20 +37,20 @@ export class MapView {
     const read = (name) => styles.getPropertyValue(`--${name}`).trim();
     this.colours = Object.fromEntries(["tracking", "dead_reckoning", "lost", "recovering", "ink",
       "faint", "accent", "ground"].map((name) => [name, read(name)]));
+    this.#styles.clear();
+    this.#crowd.setColours(this.colours);
     this.map.getAllLayers().forEach((layer) => layer.changed());
   }
 
   /** Show one floor (its level) foremost, or all alike (`null`). */
   showFloor(level) {
     this.#floor = level;
+    this.#crowd.setLevel(level);
     this.map.getAllLayers().forEach((layer) => layer.changed());
   }
 
   fit() {
-    const extent = ol.extent.createEmpty();
-    for (const name of ["trails", "people", "daps"]) {
-      ol.extent.extend(extent, this.sources[name].getExtent());
-    }
+    const extent = ol.extent.extend(this.#crowd.extent(true), this.sources.daps.getExtent());
     if (ol.extent.isEmpty(extent)) return;
     this.#followed = true;
     this.map.getView().fit(ol.extent.buffer(extent, 5), { padding: [30, 30, 50, 30], maxZoom: 28 });
@@ -65,22 +66,21 @@ export class MapView {
   /** Draw a way (places of north, east, down), or none. */
   showWay(places) {
     this.sources.way.clear();
+    this.#way.setVisible(Boolean(places));
     if (!places) return;
     const line = new ol.geom.LineString(places.map(([north, east]) => [east, north]));
     this.sources.way.addFeature(new ol.Feature({ kind: "way", geometry: line }));
   }
 
-  /** Forget everybody: what is drawn next is of another time. */
+  /** Forget what stands where: what is drawn next is of another time. */
   clear() {
-    for (const name of ["trails", "regions", "people", "daps"]) this.sources[name].clear();
-    this.#features.clear();
+    this.sources.daps.clear();
     this.#daps.clear();
   }
 
   drawTracks() {
-    const touched = this.#model.takeTouched();
-    for (const id of touched) if (this.#model.tracks.has(id)) this.#draw(this.#model.tracks.get(id));
-    if (touched.size && this.#followed) this.#fitIfOutside();
+    if (this.#followed) this.#fitIfOutside();
+    this.#crowd.redraw();
   }
 
   drawDaps() {
@@ -94,7 +94,10 @@ export class MapView {
         this.#daps.set(dap.dap_id, feature);
         this.sources.daps.addFeature(feature);
       }
-      feature.getGeometry().setCoordinates([dap.position.east_m, dap.position.north_m]);
+      const [east, north] = feature.getGeometry().getCoordinates();
+      if (east !== dap.position.east_m || north !== dap.position.north_m) {
+        feature.getGeometry().setCoordinates([dap.position.east_m, dap.position.north_m]);
+      }
       feature.setProperties({ kind: "dap", id: dap.dap_id, status: dap.status,
         level: this.#model.floorOf(dap.position.down_m) });
     }
@@ -105,109 +108,45 @@ export class MapView {
 
   /** Where a further DAP would tell most. */
   drawSites() {
+    if (this.#sites === this.#model.sites) return;
+    this.#sites = this.#model.sites;
     this.sources.sites.clear();
     this.sources.sites.addFeatures(this.#model.sites.map((site) => new ol.Feature({ kind: "site",
       id: `+${site.gain_bits} bit`, level: this.#model.floorOf(site.down_m),
       geometry: new ol.geom.Point([site.east_m, site.north_m]) })));
   }
 
-  #draw(track) {
-    const made = this.#features.get(track.responder_id) ?? this.#make(track.responder_id);
-    const level = this.#model.floorOf(track.floor_down_m);
-    const at = [track.east_m, track.north_m];
-    made.person.getGeometry().setCoordinates(at);
-    made.region.getGeometry().setCoordinates(regionOf(track));
-    const way = (this.#model.trails.get(track.responder_id) ?? []).map(([n, e]) => [e, n]);
-    made.trail.getGeometry().setCoordinates(track.status === "lost" ? way : [...way, at]);
-    for (const feature of Object.values(made)) {
-      feature.setProperties({ status: track.status, level, heading: track.heading_rad,
-        headingKnown: track.heading_sd_rad < 0.6 }, true);
-      feature.changed();
-    }
-  }
-
-  #make(id) {
-    const made = {
-      person: new ol.Feature({ kind: "person", id, geometry: new ol.geom.Point([0, 0]) }),
-      region: new ol.Feature({ kind: "region", id, geometry: new ol.geom.MultiPolygon([]) }),
-      trail: new ol.Feature({ kind: "trail", id, geometry: new ol.geom.LineString([]) }),
-    };
-    this.sources.people.addFeature(made.person);
-    this.sources.regions.addFeature(made.region);
-    this.sources.trails.addFeature(made.trail);
-    this.#features.set(id, made);
-    return made;
-  }
-
   #fitIfOutside() {
     const view = this.map.getView().calculateExtent(this.map.getSize());
-    const people = this.sources.people.getExtent();
+    const people = this.#crowd.extent(false);
     if (!ol.extent.isEmpty(people) && !ol.extent.containsExtent(view, people)) this.fit();
   }
 
   #style(feature) {
     const { kind, status, level, id } = feature.getProperties();
     const faint = this.#floor !== null && level !== this.#floor;
-    const colour = withAlpha(this.colours[status] ?? this.colours.accent, faint ? 0.25 : 1);
-    if (kind === "trail") {
-      return new ol.style.Style({ stroke: new ol.style.Stroke({ color: withAlpha(colour, faint ? 0.1 : 0.55), width: 3 }) });
-    }
+    const name = `${kind} ${status} ${faint} ${id}`;
+    if (!this.#styles.has(name)) this.#styles.set(name, this.#makeStyle(kind, status, faint, id));
+    return this.#styles.get(name);
+  }
+
+  #makeStyle(kind, status, faint, id) {
     if (kind === "way") {
       return new ol.style.Style({ stroke: new ol.style.Stroke({ color: this.colours.accent, width: 6, lineDash: [14, 8] }) });
     }
-    if (kind === "region") {
-      return new ol.style.Style({
-        fill: new ol.style.Fill({ color: withAlpha(colour, faint ? 0.03 : 0.14) }),
-        stroke: new ol.style.Stroke({ color: colour, width: 1.5, lineDash: status === "lost" ? [8, 6] : undefined }),
-      });
-    }
-    const ofPerson = kind === "person";
-    const label = new ol.style.Text({ text: id, offsetY: ofPerson ? -30 : 16,
-      font: `${ofPerson ? "600 16" : "13"}px system-ui, sans-serif`,
+    const text = new ol.style.Text({ text: id, offsetY: 16, font: "13px system-ui, sans-serif",
       fill: new ol.style.Fill({ color: withAlpha(this.colours.ink, faint ? 0.35 : 1) }),
       stroke: new ol.style.Stroke({ color: this.colours.ground, width: 4 }) });
+    const colour = withAlpha(status === "lost" ? this.colours.lost : this.colours.accent, faint ? 0.3 : 1);
     if (kind === "site") {
-      const siteColour = withAlpha(this.colours.accent, faint ? 0.3 : 1);
-      return new ol.style.Style({ text: label, image: new ol.style.RegularShape({ points: 4, radius: 9, angle: Math.PI / 4,
-        stroke: new ol.style.Stroke({ color: siteColour, width: 2, lineDash: [4, 3] }) }) });
+      return new ol.style.Style({ text, image: new ol.style.RegularShape({ points: 4, radius: 9, angle: Math.PI / 4,
+        stroke: new ol.style.Stroke({ color: colour, width: 2, lineDash: [4, 3] }) }) });
     }
-    if (kind === "dap") {
-      const dapColour = withAlpha(status === "lost" ? this.colours.lost : this.colours.accent, faint ? 0.3 : 1);
-      return new ol.style.Style({ text: label, image: new ol.style.RegularShape({ points: 4, radius: 8, angle: Math.PI / 4,
-        fill: new ol.style.Fill({ color: status === "lost" ? this.colours.ground : dapColour }),
-        stroke: new ol.style.Stroke({ color: dapColour, width: 2.5 }) }) });
-    }
-    return this.#person(feature, colour, label);
-  }
-
-  #person(feature, colour, label) {
-    const { status, heading, headingKnown } = feature.getProperties();
-    const ring = new ol.style.Stroke({ color: this.colours.ground, width: 2 });
-    const fill = new ol.style.Fill({ color: colour });
-    const styles = [new ol.style.Style({ text: label, zIndex: 2, image: new ol.style.RegularShape({
-      points: SHAPES[status] ?? 24, radius: 10, fill, stroke: ring }) })];
-    if (headingKnown && status !== "lost") {
-      styles.push(new ol.style.Style({ zIndex: 3, image: new ol.style.RegularShape({ points: 3, radius: 7,
-        displacement: [0, 17], rotation: heading, fill, stroke: ring }) }));
-    }
-    return styles;
+    return new ol.style.Style({ text, image: new ol.style.RegularShape({ points: 4, radius: 8, angle: Math.PI / 4,
+      fill: new ol.style.Fill({ color: status === "lost" ? this.colours.ground : colour }),
+      stroke: new ol.style.Stroke({ color: colour, width: 2.5 }) }) });
   }
 }
-
-/** The region that holds somebody with 95 %: an ellipse, or the outlines that were told. */
-function regionOf(track) {
-  if (track.regions_m.length) return track.regions_m.map((outline) => [close(outline.map(([n, e]) => [e, n]))]);
-  const [longer, shorter] = track.axes95_m.map((axis) => Math.min(axis, 10 * GROWS_WIDE_M));
-  const [sin, cos] = [Math.sin(track.bearing_rad), Math.cos(track.bearing_rad)];
-  const ring = Array.from({ length: ELLIPSE_POINTS }, (_, index) => {
-    const turn = (2 * Math.PI * index) / ELLIPSE_POINTS;
-    const [along, across] = [longer * Math.cos(turn), shorter * Math.sin(turn)];
-    return [track.east_m + along * sin + across * cos, track.north_m + along * cos - across * sin];
-  });
-  return [[close(ring)]];
-}
-
-const close = (ring) => [...ring, ring[0]];
 
 function withAlpha(colour, alpha) {
   const [r, g, b, a = 1] = ol.color.asArray(colour);

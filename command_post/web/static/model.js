@@ -13,7 +13,6 @@ export class Model {
     this.roster = null;
     this.floors = [{ level: 0, down_m: 0 }];
     this.sites = [];
-    this.touched = new Set();
   }
 
   /** Take in what has changed; `trails` are whole where they are given. */
@@ -25,7 +24,6 @@ export class Model {
     }
     for (const track of changes.tracks ?? []) {
       this.tracks.set(track.responder_id, track);
-      this.touched.add(track.responder_id);
       if (!changes.trails) this.#lengthen(track);
     }
     for (const alert of changes.alerts ?? []) this.alerts.set(alert.number, alert);
@@ -33,13 +31,6 @@ export class Model {
     if (changes.roster) this.roster = changes.roster;
     if (changes.floors) this.floors = changes.floors;
     if (changes.sites) this.sites = changes.sites;
-  }
-
-  /** Those whose track has changed since this was last asked. */
-  takeTouched() {
-    const touched = this.touched;
-    this.touched = new Set();
-    return touched;
   }
 
   /** What is not resolved: the newest of the worst first, and what nobody has seen before all. */

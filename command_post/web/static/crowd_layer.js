@@ -1,0 +1,241 @@
+// Who is where, how surely, and the ways they came, drawn as one picture: two hundred people who move
+// ten times a second leave no time for features of their own.
+/* global ol */
+import { stroke, TrailPicture } from "./trail_picture.js";
+
+const SIDES = { tracking: 0, dead_reckoning: 4, recovering: 3, lost: 4 };
+const WIDEST_M = 800;
+const RADIUS = 10;
+const MARGIN = 60;
+const HEADING_KNOWN_RAD = 0.6;
+const TURN_RAD = Math.PI / 36;
+const REACH = 28;
+const TRAIL_ALPHA = 0.55;
+const FONT = "600 16px system-ui, sans-serif";
+
+export class CrowdLayer extends ol.layer.Layer {
+  #model;
+  #canvas = document.createElement("canvas");
+  #element = document.createElement("div");
+  #trails;
+  #view = null;
+  #symbols = new Map();
+  #labels = new Map();
+  #labelled = new Set();
+  #level = null;
+  #colours = {};
+
+  constructor(model) {
+    super({});
+    this.#model = model;
+    this.#trails = new TrailPicture(model, (id) => this.#lookOfTrail(id));
+    this.#trails.canvas.className = "trails";
+    this.#element.className = "crowd";
+    this.#element.append(this.#trails.canvas, this.#canvas);
+  }
+
+  /** Where everybody stands in the picture (east, north), by id; it fires `drawn` when that is new. */
+  drawn = new Map();
+
+  /** Draw in these colours from now on. */
+  setColours(colours) {
+    this.#colours = colours;
+    this.#labels.clear();
+    this.#symbols.clear();
+    this.#trails.forget();
+    this.changed();
+  }
+
+  /** Draw one floor (its level) foremost, or all alike (`null`). */
+  setLevel(level) {
+    this.#level = level;
+    this.#trails.forget();
+    this.changed();
+  }
+
+  /** The extent of everybody, and of the ways they came if `ways`. */
+  extent(ways) {
+    const extent = ol.extent.createEmpty();
+    for (const track of this.#model.tracks.values()) ol.extent.extendCoordinate(extent, [track.east_m, track.north_m]);
+    for (const trail of ways ? this.#model.trails.values() : []) {
+      for (const [north, east] of trail) ol.extent.extendCoordinate(extent, [east, north]);
+    }
+    return extent;
+  }
+
+  render(frame) {
+    this.#view = viewOf(frame);
+    this.#paint(frame.time, frame.viewHints.some((hint) => hint > 0));
+    return this.#element;
+  }
+
+  /** Draw people where they are now; the map around them stands as it is. */
+  redraw() {
+    if (this.#view === null) this.changed();
+    else this.#paint(Date.now(), false);
+  }
+
+  #paint(now_ms, moved) {
+    const view = this.#view;
+    const [width, height] = [Math.round(view.width * view.ratio), Math.round(view.height * view.ratio)];
+    if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
+    this.#trails.show(view, now_ms, moved);
+    const pen = this.#canvas.getContext("2d");
+    pen.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
+    pen.clearRect(0, 0, view.width, view.height);
+    const people = [...this.#model.tracks.values()].map((track) => this.#placed(track, view));
+    this.drawn = new Map(people.map(({ track }) => [track.responder_id, [track.east_m, track.north_m]]));
+    const seen = people.filter(({ x, y }) => x > -MARGIN && y > -MARGIN && x < view.width + MARGIN && y < view.height + MARGIN);
+    this.#drawRegions(pen, people, view);
+    this.#drawTails(pen, seen, view);
+    for (const person of seen) this.#drawPerson(pen, person, view.ratio);
+    this.#drawLabels(pen, seen, view.ratio);
+    this.dispatchEvent("drawn");
+  }
+
+  #placed(track, view) {
+    const [x, y] = view.at(track.north_m, track.east_m);
+    return { track, x, y, faint: this.#isFaint(track), colour: this.#colours[track.status] ?? this.#colours.accent };
+  }
+
+  #lookOfTrail(id) {
+    const track = this.#model.tracks.get(id);
+    const faint = Boolean(track) && this.#isFaint(track);
+    const colour = this.#colours[track?.status] ?? this.#colours.accent;
+    return { faint, colour: faint ? mixed(colour, this.#colours.ground, 0.2) : colour };
+  }
+
+  #isFaint(track) {
+    return this.#level !== null && this.#model.floorOf(track.floor_down_m) !== this.#level;
+  }
+
+  #drawRegions(pen, people, view) {
+    pen.lineWidth = 1.5;
+    for (const { track, x, y, faint, colour } of people) {
+      pen.beginPath();
+      if (track.regions_m.length) {
+        for (const outline of track.regions_m) {
+          outline.forEach(([north, east], index) => (index ? pen.lineTo : pen.moveTo).apply(pen, view.at(north, east)));
+          pen.closePath();
+        }
+      } else {
+        const [longer, shorter] = track.axes95_m.map((axis) => Math.min(axis, WIDEST_M) / view.resolution);
+        if (x + longer < 0 || y + longer < 0 || x - longer > view.width || y - longer > view.height) continue;
+        pen.ellipse(x, y, longer, shorter, track.bearing_rad - Math.PI / 2, 0, 2 * Math.PI);
+      }
+      pen.fillStyle = pen.strokeStyle = colour;
+      pen.globalAlpha = faint ? 0.03 : 0.14;
+      pen.fill();
+      pen.globalAlpha = faint ? 0.25 : 1;
+      pen.setLineDash(track.status === "lost" ? [8, 6] : []);
+      pen.stroke();
+    }
+    pen.setLineDash([]);
+    pen.globalAlpha = 1;
+  }
+
+  /** The last steps up to where somebody is. */
+  #drawTails(pen, people, view) {
+    pen.lineWidth = 3;
+    pen.globalAlpha = TRAIL_ALPHA;
+    for (const { track, x, y } of people) {
+      const tail = this.#trails.tail(track.responder_id).map(([north, east]) => view.at(north, east));
+      if (track.status !== "lost") tail.push([x, y]);
+      if (tail.length > 1) stroke(pen, tail, this.#lookOfTrail(track.responder_id).colour);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  #drawPerson(pen, { track, x, y, faint, colour }, ratio) {
+    const known = track.heading_sd_rad < HEADING_KNOWN_RAD && track.status !== "lost";
+    const turn = known ? Math.round(track.heading_rad / TURN_RAD) : null;
+    const name = `${track.status} ${colour} ${turn} ${ratio}`;
+    if (!this.#symbols.has(name)) this.#symbols.set(name, this.#symbol(track.status, colour, turn, ratio));
+    pen.globalAlpha = faint ? 0.25 : 1;
+    pen.drawImage(this.#symbols.get(name), x - REACH, y - REACH, 2 * REACH, 2 * REACH);
+    pen.globalAlpha = 1;
+  }
+
+  /** What stands for a person: its shape says what their track is worth, an arrow where they face. */
+  #symbol(status, colour, turn, ratio) {
+    const picture = Object.assign(document.createElement("canvas"), { width: 2 * REACH * ratio, height: 2 * REACH * ratio });
+    const pen = picture.getContext("2d");
+    pen.setTransform(ratio, 0, 0, ratio, REACH * ratio, REACH * ratio);
+    Object.assign(pen, { fillStyle: colour, strokeStyle: this.#colours.ground, lineWidth: 4, lineJoin: "round" });
+    pen.beginPath();
+    polygon(pen, 0, 0, RADIUS, SIDES[status] ?? 0, 0);
+    if (turn !== null) {
+      const heading = turn * TURN_RAD;
+      polygon(pen, 17 * Math.sin(heading), -17 * Math.cos(heading), 7, 3, heading);
+    }
+    pen.stroke();
+    pen.fill();
+    return picture;
+  }
+
+  /** Write names: those of who is lost or alerted to first, and none over another. */
+  #drawLabels(pen, people, ratio) {
+    const alerted = new Set(this.#model.openAlerts().map((alert) => alert.node_id));
+    const rank = ({ track, faint }) => (faint ? 4 : 0)
+      + (track.status === "lost" || alerted.has(track.responder_id) ? 0 : this.#labelled.has(track.responder_id) ? 1 : 2);
+    const taken = [];
+    this.#labelled = new Set();
+    for (const person of people.sort((one, other) => rank(one) - rank(other))) {
+      const id = person.track.responder_id;
+      const label = this.#label(id, ratio);
+      const [left, top] = [person.x - label.wide / 2, person.y - 30 - label.high / 2];
+      const box = [left, top, left + label.wide, top + label.high];
+      if (taken.some((other) => ol.extent.intersects(other, box))) continue;
+      taken.push(box);
+      this.#labelled.add(id);
+      pen.globalAlpha = person.faint ? 0.35 : 1;
+      pen.drawImage(label.picture, left, top, label.wide, label.high);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  #label(id, ratio) {
+    const known = this.#labels.get(id);
+    if (known?.ratio === ratio) return known;
+    const picture = document.createElement("canvas");
+    const pen = picture.getContext("2d");
+    pen.font = FONT;
+    const [wide, high] = [Math.ceil(pen.measureText(id).width) + 6, 24];
+    Object.assign(picture, { width: wide * ratio, height: high * ratio });
+    pen.scale(ratio, ratio);
+    Object.assign(pen, { font: FONT, textBaseline: "middle", lineWidth: 4, lineJoin: "round",
+      strokeStyle: this.#colours.ground, fillStyle: this.#colours.ink });
+    pen.strokeText(id, 3, high / 2);
+    pen.fillText(id, 3, high / 2);
+    const label = { picture, wide, high, ratio };
+    this.#labels.set(id, label);
+    return label;
+  }
+}
+
+/** How metres become places in the picture (CSS pixels), north up. */
+function viewOf(frame) {
+  const { center: [east, north], resolution } = frame.viewState;
+  const [width, height] = frame.size;
+  const [left, top] = [east - (width / 2) * resolution, north + (height / 2) * resolution];
+  const ratio = frame.pixelRatio;
+  return { width, height, ratio, resolution, corner: [top, left],
+    key: [left, top, resolution, width, height, ratio].join(" "),
+    at: (north_m, east_m) => [(east_m - left) / resolution, (top - north_m) / resolution] };
+}
+
+/** A shape round a place, a corner to where it turns; a circle without `sides`. */
+function polygon(pen, x, y, radius, sides, turn) {
+  pen.moveTo(x + radius * Math.sin(turn), y - radius * Math.cos(turn));
+  if (!sides) pen.arc(x, y, radius, -Math.PI / 2, 1.5 * Math.PI);
+  for (let corner = 1; corner < sides; corner += 1) {
+    const angle = turn + (2 * Math.PI * corner) / sides;
+    pen.lineTo(x + radius * Math.sin(angle), y - radius * Math.cos(angle));
+  }
+  pen.closePath();
+}
+
+function mixed(colour, ground, share) {
+  const [a, b] = [ol.color.asArray(colour), ol.color.asArray(ground)];
+  return `rgb(${[0, 1, 2].map((part) => Math.round(share * a[part] + (1 - share) * b[part])).join(" ")})`;
+}

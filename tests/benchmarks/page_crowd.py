@@ -1,0 +1,199 @@
+"""A post's page with a crowd on it, and nothing else of a post: real server, made-up estimates.
+
+A thread does what the post's would: it says where everybody is, so many times a second each, and
+four times a second who they are. What that costs it, and how late it comes to it because others in
+the process are at work, is told at the end.
+"""
+
+from __future__ import annotations
+
+import math
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import NamedTuple
+
+from command_post.listening import Address
+from command_post.roster import DapRow, ResponderRow, Roster
+from command_post.web.page import Page
+from command_post.web.server import page_served
+from shared.codec import encode
+from shared.messages import FloorShare, LocalPosition, TrackEstimate, TrackStatus
+from shared.units import NS_PER_S
+
+KEY = "clew/v1/crowd/post/post/track"
+ROSTER_S = 0.25
+STOREYS, STOREY_M = 4, 3.2
+SPEED_M_S = 1.0
+WALKED_S = 170
+"""For so long everybody has walked before anybody looks: the ways behind them are full."""
+
+STATUSES: tuple[TrackStatus, ...] = ("tracking",) * 8 + ("dead_reckoning", "recovering")
+
+
+class Cost(NamedTuple):
+    """What the page costs: seconds of ``lasted_s``; the post's thread has said ``said``.
+
+    ``late_s`` are the median, the 99th percentile and the longest of how late it came to it.
+    """
+
+    lasted_s: float
+    process_cpu_s: float
+    post_cpu_s: float
+    said: int
+    late_s: tuple[float, float, float]
+
+
+def where(number: int, time_s: float) -> tuple[float, float, float]:
+    """Return where the responder of that number walks (m): round a corridor of their own size."""
+    long_m, wide_m = 20.0 + 3.0 * (number % 10), 8.0 + 2.0 * (number // 10 % 5)
+    along_m = (SPEED_M_S * time_s + 7.3 * number) % (2.0 * (long_m + wide_m))
+    sides_m = (long_m, wide_m, long_m, wide_m)
+    north_m, east_m, bearing = 10.0 * (number // 20 % 5), 14.0 * (number % 20), 0
+    for side_m in sides_m:
+        step_m = min(along_m, side_m)
+        north_m += step_m * (1, 0, -1, 0)[bearing]
+        east_m += step_m * (0, 1, 0, -1)[bearing]
+        along_m -= step_m
+        bearing += along_m > 0.0
+    return north_m, east_m, -STOREY_M * (number % STOREYS)
+
+
+def track(number: int, time_ns: int, at_s: float) -> bytes:
+    """Return a responder's estimate; every tenth is one of two regions, with outlines."""
+    north_m, east_m, down_m = where(number, at_s)
+    circle = [(2.0 * math.cos(a / 3.2), 2.0 * math.sin(a / 3.2)) for a in range(20)]
+    outlines = tuple(
+        tuple((north_m + side + n, east_m + e) for n, e in circle) for side in (-4.0, 4.0)
+    )
+    return encode(
+        TrackEstimate(
+            event_time_ns=time_ns, sequence=0, responder_id=f"r{number}", north_m=north_m,
+            east_m=east_m, down_m=down_m, covariance_m2=(1.5, 0.4 * math.sin(at_s), 0.8),
+            heading_rad=at_s % math.tau - math.pi, heading_sd_rad=0.2, down_sd_m=0.4,
+            last_proximity_time_ns=None, floors=(FloorShare(down_m, 0.9),),
+            status=STATUSES[number % len(STATUSES)],
+            regions_m=outlines if number % 10 == 0 else (),
+        )
+    )  # fmt: skip
+
+
+def roster(responders: int, now_ns: int) -> Roster:
+    """Return who they are, with access points among them."""
+    rows = tuple(
+        ResponderRow(
+            f"r{number}", "tracking", "", None, (2.0, 1.0), 0.1, 5.0, None, "walking", None
+        )
+        for number in range(responders)
+    )  # fmt: skip
+    spots = [(14.0 * (n % 20), 40.0 * (n // 20)) for n in range(responders // 10)]
+    daps = tuple(
+        DapRow(f"dap{n}", "installed", "", LocalPosition(
+            north_m=north_m, east_m=east_m, down_m=-STOREY_M * (n % STOREYS),
+            covariance_m2=(0.1, 0.0, 0.1)), (0.5, 0.5), 0.1, None, None)
+        for n, (east_m, north_m) in enumerate(spots)
+    )  # fmt: skip
+    return Roster(now_ns, rows, daps)
+
+
+class _Crowd(threading.Thread):
+    """The post's thread."""
+
+    def __init__(self, page: Page, responders: int, rate_hz: float) -> None:
+        super().__init__(name="post")
+        self._page, self._responders, self._rate_hz = page, responders, rate_hz
+        self.stop = threading.Event()
+        self.said, self.cpu_s = 0, 0.0
+        self.late_s: list[float] = []
+
+    def walk_before(self) -> None:
+        """Have everybody come from somewhere."""
+        now_ns = time.time_ns()
+        for second in range(WALKED_S * 2):
+            for number in range(self._responders):
+                at_s = 0.5 * second - 0.5 * 2 * WALKED_S
+                self._page.published(KEY, track(number, now_ns + round(at_s * NS_PER_S), at_s))
+            if second % 20 == 0:
+                self._page.since(1)
+        self._page.show(roster(self._responders, now_ns))
+
+    def run(self) -> None:
+        """Say where one after another is, evenly spread over the time."""
+        gap_s = 1.0 / (self._rate_hz * self._responders)
+        began_s = next_roster_s = time.monotonic()
+        while not self.stop.is_set():
+            due_s = began_s + self.said * gap_s
+            wait_s = due_s - time.monotonic()
+            if wait_s > 0.0:
+                time.sleep(wait_s)
+            self.late_s.append(time.monotonic() - due_s)
+            message = track(self.said % self._responders, time.time_ns(), due_s - began_s)
+            self._page.published(KEY, message)
+            self.said += 1
+            if due_s >= next_roster_s:
+                self._page.show(roster(self._responders, time.time_ns()))
+                next_roster_s += ROSTER_S
+        self.cpu_s = time.thread_time()
+
+
+def _serve(responders: int, rate_hz: float, pipe: Connection) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = Address(*free.getsockname())
+    with page_served(address, "crowd", "post", None, None, None) as page:
+        if page is None:
+            raise RuntimeError("a page is served where there is an address")
+        crowd = _Crowd(page, responders, rate_hz)
+        crowd.walk_before()
+        crowd.start()
+        pipe.send(address.port)
+        pipe.recv()
+        began_s, cpu_s, said = time.monotonic(), time.process_time(), crowd.said
+        crowd.late_s.clear()
+        pipe.recv()
+        lasted_s, cpu_s = time.monotonic() - began_s, time.process_time() - cpu_s
+        late_s = sorted(crowd.late_s)
+        crowd.stop.set()
+        crowd.join()
+        ranks = (len(late_s) // 2, len(late_s) * 99 // 100, len(late_s) - 1)
+        middle_s, most_s, worst_s = (late_s[rank] for rank in ranks)
+        share = (crowd.said - said) / crowd.said
+        pipe.send(
+            Cost(lasted_s, cpu_s, share * crowd.cpu_s, crowd.said - said,
+                 (middle_s, most_s, worst_s))
+        )  # fmt: skip
+
+
+class Served:
+    """A page in a process of its own; ``begin`` and ``end`` enclose what is measured."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self.url = f"http://127.0.0.1:{pipe.recv()}/"
+
+    def begin(self) -> None:
+        """Count from now on."""
+        self._pipe.send(None)
+
+    def end(self) -> Cost:
+        """Say what it has cost since."""
+        self._pipe.send(None)
+        cost: Cost = self._pipe.recv()
+        return cost
+
+
+@contextmanager
+def crowded_page(responders: int, rate_hz: float) -> Iterator[Served]:
+    """Serve a page with a crowd on it until the block ends."""
+    spawning = get_context("spawn")
+    ours, theirs = spawning.Pipe()
+    process = spawning.Process(target=_serve, args=(responders, rate_hz, theirs))
+    process.start()
+    try:
+        yield Served(ours)
+    finally:
+        process.join(10.0)
+        process.kill()
