@@ -118,7 +118,7 @@ class _Api:
         self._site = site
         self._ends = ends
         self._run = str(time.time_ns())
-        self._frames = _Frames(site.page)
+        self._frames = Frames(site.page)
         local = Session(LOCAL_NAME, "commander", "on-this-machine", float("inf"))
         self._local = local if site.door is None else None
 
@@ -250,7 +250,7 @@ class _Api:
         while not self._ends() and not await request.is_disconnected():
             # Somebody who was signed out meanwhile is shown no more.
             self._may(request, "viewer")
-            version, frame = self._frames.since(since)
+            version, frame = self._frames.since(since, time.monotonic())
             if version > since or since == 0:
                 yield b"id: %s-%d\nevent: changes\ndata: %s\n\n" % (
                     self._run.encode(), version, frame,
@@ -289,19 +289,19 @@ class Events(StreamingResponse):
             await super().__call__(scope, receive, send)
 
 
-class _Frames:
+class Frames:
     """Encodes what has changed, once for all who have seen the same version."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
         self._made: dict[int, tuple[int, bytes]] = {}
-        self._made_s = 0.0
+        self._tick = -1.0
 
-    def since(self, version: int) -> tuple[int, bytes]:
-        """Return the version that is told, and what has changed up to it."""
-        tick = time.monotonic() // TICK_S
-        if tick != self._made_s:
-            self._made, self._made_s = {}, tick
+    def since(self, version: int, now_s: float) -> tuple[int, bytes]:
+        """Return the version that is told, and what has changed up to it; the same for a tick."""
+        tick = now_s // TICK_S
+        if tick != self._tick:
+            self._made, self._tick = {}, tick
         if version not in self._made:
             changes: Changes = self._page.since(version)
             self._made[version] = (changes.version, msgspec.json.encode(changes))
