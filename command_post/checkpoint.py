@@ -28,6 +28,7 @@ from command_post.recording import Recorder
 from shared.bus.interface import Received
 from shared.files import replace_atomically
 from shared.gate import Remembered
+from shared.recording_parts import where_part_is
 
 WORTH_S = 1.0
 """So much work is not to be done again after a kill."""
@@ -63,14 +64,16 @@ class State(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """A state, and how far into the recording's file it is one of."""
+    """A state, and how far into which part of the recording it is one of."""
 
     state: State
     position_bytes: int
+    part: int
 
 
 class _File(msgspec.Struct):
     software: str
+    part: int
     position_bytes: int
     tail_sha256: str
     state_sha256: str
@@ -121,7 +124,9 @@ class Checkpoints:
         try:
             tail = _tail_of(self._recorder.part, position_bytes)
             compressed = zstandard.compress(pickled, 1)
-            file = _File(self._software, position_bytes, tail, _sha256(compressed), compressed)
+            digest = _sha256(compressed)
+            part = self._recorder.part_number
+            file = _File(self._software, part, position_bytes, tail, digest, compressed)
             with replace_atomically(self._path) as stream:
                 os.fchmod(stream.fileno(), 0o600)
                 stream.write(msgspec.msgpack.encode(file))
@@ -160,12 +165,13 @@ def _loaded(path: Path, recording: Path) -> Kept:
         raise ValueError("other software has written it")
     if file.state_sha256 != _sha256(file.state):
         raise ValueError("it is damaged")
-    if file.tail_sha256 != _tail_of(recording, file.position_bytes):
+    part = where_part_is(recording, file.part)
+    if part is None or file.tail_sha256 != _tail_of(part, file.position_bytes):
         raise ValueError("it is of another recording")
     state = _Unpickler(io.BytesIO(zstandard.decompress(file.state))).load()
     if not isinstance(state, State):
         raise ValueError("it is no state")
-    return Kept(state, file.position_bytes)
+    return Kept(state, file.position_bytes, file.part)
 
 
 class _Unpickler(pickle.Unpickler):

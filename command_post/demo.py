@@ -25,6 +25,7 @@ from shared.clock import ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
 from shared.introductions import Introductions
 from shared.messages import ExerciseStart
+from shared.recording_parts import files_of, unfinished_path
 from shared.security.bundle import Bundle
 from shared.security.certificates import AUTHORITY_ID, Identity
 from shared.sender import Sender, Unkept
@@ -111,8 +112,9 @@ class DemoSettings(NamedTuple):
             journal.unlink()
         if (self.keys / AUTHORITY_ID).is_dir():
             shutil.rmtree(self.keys)
-        unfinished = self.recording.with_name(f"{self.recording.name}.part")
-        for path in (self.recording, unfinished, self.picture, self.score):
+        unfinished = unfinished_path(self.recording)
+        parts = files_of(self.recording).values()
+        for path in (self.recording, unfinished, *parts, self.picture, self.score):
             path.unlink(missing_ok=True)
 
 

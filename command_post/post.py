@@ -177,7 +177,8 @@ class Post:
             if kept.state.exercise is not None:
                 self._follow(*kept.state.exercise)
         told = last_told(recording) if kept is None else []
-        since = recording.since(0 if kept is None else kept.position_bytes)
+        place = (0, 1) if kept is None else (kept.position_bytes, kept.part)
+        since = recording.since(*place)
         resumed = resume(telling(since, told, self._publish), self._incident, self._recall)
         self._passed_ns = resumed.last_ns or (0 if kept is None else kept.state.last_ns)
         self._incident.take_notices()

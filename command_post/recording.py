@@ -17,9 +17,10 @@ from typing import NamedTuple, Protocol, Self
 
 import structlog
 
-from command_post.recording_file import RecordingFile
 from command_post.recording_mirror import Mirror
 from command_post.recording_queue import End, Entry, Item, Resumed, WhenSafe
+from command_post.recording_set import RecordingSet, Rotation
+from shared.recording_parts import where_part_is
 from shared.units import NS_PER_S
 
 QUEUE_MESSAGES = 100_000
@@ -140,14 +141,17 @@ class Recorder:
         replace: bool = False,
         resume: bool = False,
         mirror: Mirror | None = None,
+        rotation: Rotation | None = None,
         queue_messages: int = QUEUE_MESSAGES,
         queue_bytes: int = QUEUE_BYTES,
         retry_s: float = RETRY_S,
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         """Begin the recording, or go on with it. Raises ``RecorderError`` as ``RecordingFile``."""
-        self._file = RecordingFile(path, metadata, replace=replace, resume=resume, mirror=mirror)
-        self.unfinished = self._file.part if self._file.is_resumed else None
+        self._file = RecordingSet(
+            path, metadata, replace=replace, resume=resume, mirror=mirror, rotation=rotation
+        )
+        self.unfinished = where_part_is(path, 1) if self._file.is_resumed else None
         """Where the recording is that it goes on with, if so: to be read before anything is put."""
 
         self._queue_messages = queue_messages
@@ -225,8 +229,13 @@ class Recorder:
 
     @property
     def part(self) -> Path:
-        """Where the recording is until it is finished."""
+        """Where what is written is until it is finished: the recording, or its last part."""
         return self._file.part
+
+    @property
+    def part_number(self) -> int:
+        """Which part of the recording that is."""
+        return self._file.number
 
     def status(self) -> RecorderStatus:
         """Return how it fares now."""
@@ -333,6 +342,7 @@ class Recorder:
     def _sync_if_due(self) -> None:
         if self._unsynced and self._seconds_until_sync() == 0.0:
             self._sync()
+            self._file.rotate_if_due()
 
     def _sync(self) -> None:
         self._tell_dropped()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -27,6 +27,7 @@ from shared.files import sync_folder
 from shared.mcap_reader import ABOUT, CHANNEL, DROPPED, END, RESUMED, Excerpt, RecordingError
 from shared.mcap_records import MAGIC
 from shared.messages import Message
+from shared.recording_parts import CONTINUED, PART, Link, unfinished_path
 from shared.topics import TOPICS, WIRE_VERSION
 
 CHUNK_BYTES = 1 << 18
@@ -68,16 +69,18 @@ class RecordingFile:
         replace: bool = False,
         resume: bool = False,
         mirror: Mirror | None = None,
+        link: Callable[[], Link] | None = None,
     ) -> None:
         """Begin ``path``; ``metadata`` says what is recorded and all that a replay needs to know.
 
-        ``mirror``: draws what is recorded, to be looked at.
+        ``mirror``: draws what is recorded, to be looked at. ``link``: gives what a later part of a
+        recording follows, once it is begun.
         With ``resume``, an unfinished recording with the same ``metadata`` is gone on with behind
         all that is whole of it. Raises ``RecorderError`` if the recording cannot be begun, is there
         already and not to be replaced, or unfinished and not to be gone on with.
         """
         self.path = path
-        self.part = path.with_name(f"{path.name}.part")
+        self.part = unfinished_path(path)
         """What it is called until it is finished."""
 
         self.is_resumed = False
@@ -91,9 +94,10 @@ class RecordingFile:
         self._schemas: dict[str, int] = {}
         self._declared = Declared()
         self._mirror = mirror
+        self._link = link
         if path.exists() and not replace:
             raise RecorderError(f"{path}: is there already; give the recording another name")
-        whole = _to_be_resumed(self.part, metadata) if resume else None
+        whole = self._to_be_resumed(metadata) if resume else None
         mode = "r+b" if whole is not None else "wb" if replace or resume else "xb"
         try:
             self._stream = self.part.open(mode)
@@ -113,10 +117,39 @@ class RecordingFile:
             self.abandon()
             raise _cannot_be_written(path, error) from error
 
+    def _to_be_resumed(self, metadata: Mapping[str, str]) -> WholePart | None:
+        """Return what is whole of the file; ``None`` if nothing was recorded in it yet.
+
+        Raises ``RecorderError`` if it is not to be gone on with.
+        """
+        part = self.part
+        if not part.exists() or part.stat().st_size < len(MAGIC):
+            return None
+        elsewhere = "move it, or give this recording another name"
+        try:
+            whole = whole_part(part)
+        except RecordingError as error:
+            raise RecorderError(f"{error}; {elsewhere}") from error
+        if whole.about is None:
+            return None
+        if whole.ended:
+            raise RecorderError(f"{part}: is of an incident that was ended; {elsewhere}")
+        differ = _differences(whole.about, metadata)
+        if differ:
+            told = "; ".join(differ[:MOST_TOLD])
+            raise RecorderError(f"{part}: was begun with other settings: {told}; {elsewhere}")
+        if self._link is not None and whole.follows is None:
+            if whole.declared.channels:
+                raise RecorderError(f"{part}: what it follows cannot be read; {elsewhere}")
+            return None
+        return whole
+
     def _begin(self, metadata: Mapping[str, str]) -> None:
         software = {"software_version": version("clew"), "wire_version": WIRE_VERSION}
         self._writer.start(library=f"clew {version('clew')}")
         self._writer.add_metadata(ABOUT, {**metadata, **software})
+        if self._link is not None:
+            self._writer.add_metadata(PART, self._link().as_metadata())
         self.sync()
 
     def _resume(self, whole: WholePart) -> None:
@@ -203,6 +236,10 @@ class RecordingFile:
         """Say that it had been broken off, and is gone on with since ``now_ns``."""
         self._writer.add_metadata(RESUMED, {"time_ns": str(now_ns)})
 
+    def mark_continued(self, following: str) -> None:
+        """Say that this is not the last part: one called ``following`` comes next."""
+        self._writer.add_metadata(CONTINUED, {"next": following})
+
     def sync(self) -> None:
         """Return once all that was put in would survive a power cut."""
         self._writer.flush()
@@ -274,29 +311,6 @@ class RecordingFile:
             self._declared.schemas[number] = Schema(number, data, SchemaEncoding.JSONSchema, name)
             self._schemas[name] = number
         return self._schemas[name]
-
-
-def _to_be_resumed(part: Path, metadata: Mapping[str, str]) -> WholePart | None:
-    """Return what is whole of the file ``part``; ``None`` if nothing was recorded in it yet.
-
-    Raises ``RecorderError`` if it is not to be gone on with.
-    """
-    if not part.exists() or part.stat().st_size < len(MAGIC):
-        return None
-    try:
-        whole = whole_part(part)
-    except RecordingError as error:
-        raise RecorderError(f"{error}; move it, or give this recording another name") from error
-    if whole.about is None:
-        return None
-    elsewhere = "move it, or give this recording another name"
-    if whole.ended:
-        raise RecorderError(f"{part}: is of an incident that was ended; {elsewhere}")
-    differ = _differences(whole.about, metadata)
-    if differ:
-        told = "; ".join(differ[:MOST_TOLD])
-        raise RecorderError(f"{part}: was begun with other settings: {told}; {elsewhere}")
-    return whole
 
 
 def _differences(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:

@@ -35,6 +35,7 @@ from mcap.records import (
 
 from shared.mcap_reader import ABOUT, CHANNEL, DROPPED, END
 from shared.mcap_records import MAGIC, Indexed, Placed, RecordScan, mapped, sum_of
+from shared.recording_parts import PART
 
 LOST = "clew/lost"
 """What is put for the name of a schema or a channel that damage has made unknown."""
@@ -68,7 +69,8 @@ class WholePart(NamedTuple):
 
     It ends at ``end_bytes``, with what ``declared`` says. The messages of ``unindexed`` stood
     behind that, whole as well, but not what is to follow them in the file. ``about`` is ``None`` if
-    the recording had not even begun, ``ended`` if the incident had been finished.
+    the recording had not even begun, ``ended`` if the incident had been finished. ``follows`` says
+    which part it is, if it is a later one.
     """
 
     end_bytes: int
@@ -77,6 +79,7 @@ class WholePart(NamedTuple):
     about: dict[str, str] | None
     ended: bool
     dropped_count: int
+    follows: dict[str, str] | None
 
 
 class _Block(NamedTuple):
@@ -128,7 +131,9 @@ def whole_part(path: Path) -> WholePart:
         messages = []
     said = {each.name: each.metadata for each, _ in layout.metadata}
     dropped_count = int(said.get(DROPPED, {}).get("count", "0"))
-    return WholePart(end_bytes, declared, messages, said.get(ABOUT), END in said, dropped_count)
+    return WholePart(
+        end_bytes, declared, messages, said.get(ABOUT), END in said, dropped_count, said.get(PART)
+    )
 
 
 def _layout(records: Iterable[Placed]) -> _Layout:
@@ -164,7 +169,8 @@ def _end_bytes(layout: _Layout) -> int:
     """Return where the last block ends, or else what says what the recording is about."""
     if layout.blocks:
         return layout.blocks[-1].end_bytes
-    return next((at.end_bytes for each, at in layout.metadata if each.name == ABOUT), 0)
+    begins = (at.end_bytes for each, at in layout.metadata if each.name in (ABOUT, PART))
+    return max(begins, default=0)
 
 
 def _declare(declared: Declared, content: Iterable[McapRecord] | None) -> None:

@@ -51,6 +51,10 @@ class Mirror:
             self._drawn.append(Drawn(topic, schema_name(kind), drawable_schema(kind), data, at_ns))
             self._bytes += len(data)
 
+    def draw_again(self) -> None:
+        """Draw everything once more that stands: a new part of the recording begins."""
+        self._board.draw_again()
+
     @property
     def is_due(self) -> bool:
         """Whether there is enough for a chunk."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
-from command_post.recording_file import RecordingFile
+from command_post.recording_set import RecordingSet
 
 
 class Item(NamedTuple):
@@ -21,7 +21,7 @@ class Item(NamedTuple):
         """What it takes of the queue's room."""
         return len(self.payload)
 
-    def write_to(self, file: RecordingFile) -> None:
+    def write_to(self, file: RecordingSet) -> None:
         """Put it into ``file``."""
         file.put(self.key, self.payload, self.log_time_ns, outgoing=self.outgoing)
 
@@ -32,7 +32,7 @@ class End(NamedTuple):
     now_ns: int
     size_bytes: int = 0
 
-    def write_to(self, file: RecordingFile) -> None:
+    def write_to(self, file: RecordingSet) -> None:
         """Put it into ``file``."""
         file.mark_end(self.now_ns)
 
@@ -43,7 +43,7 @@ class Resumed(NamedTuple):
     now_ns: int
     size_bytes: int = 0
 
-    def write_to(self, file: RecordingFile) -> None:
+    def write_to(self, file: RecordingSet) -> None:
         """Put it into ``file``."""
         file.mark_resumed(self.now_ns)
 

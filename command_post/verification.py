@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
 
 from shared.codec import Refusal, parse_key
 from shared.gate import JournalRun, numbering
-from shared.mcap_reader import ReadReport, RecordedMessage, read_recording
+from shared.mcap_reader import RecordedMessage, Recording, read_recording
 from shared.received_numbers import ReceivedNumbers
+from shared.recording_parts import Part, sha256_of
 from shared.units import NS_PER_S
-
-_BLOCK_BYTES = 1 << 20
 
 
 class Gaps(msgspec.Struct, frozen=True):
@@ -32,6 +31,15 @@ class Gaps(msgspec.Struct, frozen=True):
     missing: int
 
 
+class File(msgspec.Struct, frozen=True):
+    """A file of a recording; ``follows`` says whether it follows the one before it to the byte."""
+
+    name: str
+    size_bytes: int
+    sha256: str
+    follows: bool
+
+
 class Verification(msgspec.Struct, frozen=True, kw_only=True):
     """What there is of a recording.
 
@@ -42,7 +50,7 @@ class Verification(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     path: str
-    file_sha256: str
+    files: list[File]
     messages_sha256: str
     finished: bool
     complete: bool
@@ -60,7 +68,8 @@ class Verification(msgspec.Struct, frozen=True, kw_only=True):
     def whole(self) -> bool:
         """Whether nothing is missing, repeated or out of order."""
         gaps = any(each.missing for each in self.journals)
-        return self.complete and not (gaps or self.repeated or self.set_back_s)
+        apart = not all(each.follows for each in self.files)
+        return self.complete and not (gaps or apart or self.repeated or self.set_back_s)
 
 
 def verify_recording(path: Path) -> Verification:
@@ -68,7 +77,7 @@ def verify_recording(path: Path) -> Verification:
     recording = read_recording(path)
     account = _Account()
     account.take_all(recording)
-    return account.verification(path, recording.report)
+    return account.verification(recording)
 
 
 class _Account:
@@ -113,10 +122,11 @@ class _Account:
             run, number = numbered
             self._repeated += not self._journals.setdefault(run, ReceivedNumbers()).take(number)
 
-    def verification(self, path: Path, report: ReadReport) -> Verification:
+    def verification(self, recording: Recording) -> Verification:
+        report = recording.report
         return Verification(
-            path=str(path),
-            file_sha256=_sha256(path),
+            path=str(recording.path),
+            files=_files(recording.parts),
             messages_sha256=self._digest.hexdigest(),
             finished=report.finished,
             complete=report.complete,
@@ -135,9 +145,13 @@ class _Account:
         )
 
 
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(_BLOCK_BYTES):
-            digest.update(block)
-    return digest.hexdigest()
+def _files(parts: Sequence[Part]) -> list[File]:
+    files: list[File] = []
+    for path, _, link in parts:
+        follows = link is None
+        if link is not None and files:
+            before = files[-1]
+            told = (link.previous, link.previous_bytes, link.previous_sha256)
+            follows = (before.name, before.size_bytes, before.sha256) == told
+        files.append(File(path.name, path.stat().st_size, sha256_of(path), follows))
+    return files

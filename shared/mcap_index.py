@@ -39,6 +39,7 @@ from shared.mcap_records import (
     mapped,
     words,
 )
+from shared.recording_parts import CONTINUED
 
 __all__ = ["Gone", "IndexedRecording", "Series", "Spot"]
 
@@ -75,12 +76,13 @@ class Gone(NamedTuple):
     """What a recording says itself of what befell it.
 
     ``dropped_count`` messages found no room; at each of ``resumed_ns`` it was gone on with after it
-    had been broken off.
+    had been broken off. ``continued``: another part was to follow the last one.
     """
 
     dropped_count: int
     resumed_ns: tuple[int, ...]
     end_ns: int | None
+    continued: bool
 
 
 class _Chunk(NamedTuple):
@@ -361,7 +363,9 @@ def _gone(notes: Iterable[Metadata]) -> Gone:
     dropped = [int(told["count"]) for name, told in said if name == DROPPED]
     resumed = tuple(int(told["time_ns"]) for name, told in said if name == RESUMED)
     ends = [int(told["time_ns"]) for name, told in said if name == END]
-    return Gone(max(dropped, default=0), resumed, ends[-1] if ends else None)
+    places = {name: number for number, (name, _) in enumerate(said)}
+    continued = places.get(CONTINUED, -1) > places.get(ABOUT, -1)
+    return Gone(max(dropped, default=0), resumed, ends[-1] if ends else None, continued)
 
 
 def _by_series(

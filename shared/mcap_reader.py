@@ -11,8 +11,9 @@ Format: the MCAP specification, https://mcap.dev/spec.
 from __future__ import annotations
 
 import mmap
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from shared.mcap_records import (
     mapped,
     words,
 )
+from shared.recording_parts import CONTINUED, Part, parts_of
 
 __all__ = [
     "ABOUT",
@@ -96,6 +98,7 @@ class ReadReport:
     ``unplaced_count``: messages whose channel is not known because of damage. ``excerpt_count``:
     messages of which only the beginning was kept. ``resumed_count``: how often the recorder had
     been killed before it went on. ``derived_count``: what is only to be looked at, and no message.
+    ``continued``: another part was to follow.
     """
 
     finished: bool = False
@@ -106,6 +109,7 @@ class ReadReport:
     dropped_count: int = 0
     resumed_count: int = 0
     derived_count: int = 0
+    continued: bool = False
     end_ns: int | None = None
     damages: list[Damage] = field(default_factory=list)
 
@@ -135,34 +139,82 @@ class ReadReport:
 
 
 class Recording:
-    """A recording to be iterated over: its messages in the order they were put into the file.
+    """A recording to be iterated over: its messages in the order they were put into its files.
 
     That is the order in which they were handled, even where the post's clock was set back
     meanwhile. ``metadata`` says what was recorded; it is empty in files of other programs.
-    ``report`` is of the iteration begun last.
+    ``report`` is of the iteration begun last. ``path`` is its first file, or their folder.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.metadata: dict[str, str] = {}
-        self.report = ReadReport()
-        with mapped(path) as data:
+        self._reports: list[tuple[Part, ReadReport]] = []
+        self.parts = parts_of(path)
+        with mapped(self.parts[0].path) as data:
             for record in _Scan(data).records():
                 if isinstance(record, Metadata) and record.name == ABOUT:
                     self.metadata = record.metadata
                 if isinstance(record, Metadata | Chunk):
                     break
 
+    @property
+    def report(self) -> ReadReport:
+        """What reading has found so far."""
+        return _all_told(self._reports)
+
     def __iter__(self) -> Iterator[RecordedMessage]:
-        """Yield all that can be read. Raises ``RecordingError`` if the file has gone."""
+        """Yield all that can be read. Raises ``RecordingError`` if a file has gone."""
         return self.since(0)
 
-    def since(self, position_bytes: int) -> Iterator[RecordedMessage]:
-        """Yield what can be read from ``position_bytes`` of the file on, where something ends."""
-        with mapped(self.path) as data:
-            scan = _Scan(data, position_bytes)
-            self.report = scan.report
-            yield from scan.messages()
+    def since(self, position_bytes: int, part: int = 1) -> Iterator[RecordedMessage]:
+        """Yield what can be read from ``position_bytes`` of a part on, where something ends."""
+        self._reports = []
+        self.parts = parts_of(self.path)
+        for each in self.parts:
+            if each.number < part:
+                continue
+            with mapped(each.path) as data:
+                scan = _Scan(data, position_bytes if each.number == part else 0)
+                self._reports.append((each, scan.report))
+                yield from scan.messages()
+
+
+def _all_told(reports: Sequence[tuple[Part, ReadReport]]) -> ReadReport:
+    """Return what reading several parts has found."""
+    if not reports:
+        return ReadReport()
+    told = replace(reports[0][1], damages=list(reports[0][1].damages))
+    for (before, of_before), (part, report) in pairwise(reports):
+        told.damages += [Damage(0, 0, words) for words in _misfits(before, of_before, part)]
+        told.damages += [
+            each._replace(reason=f"{part.path.name}: {each.reason}") for each in report.damages
+        ]
+        told.message_count += report.message_count
+        told.chunk_count += report.chunk_count
+        told.unplaced_count += report.unplaced_count
+        told.excerpt_count += report.excerpt_count
+        told.resumed_count += report.resumed_count
+        told.derived_count += report.derived_count
+        told.dropped_count = max(told.dropped_count, report.dropped_count)
+        told.end_ns = report.end_ns
+    first, last = reports[0][0], reports[-1][1]
+    if first.number > 1:
+        told.damages.insert(0, Damage(0, 0, f"{first.path.name}: what is before it was not read"))
+    told.finished = last.finished and not last.continued
+    return told
+
+
+def _misfits(before: Part, of_before: ReadReport, part: Part) -> Iterator[str]:
+    """Say what is wrong between a part and the one that is read before it."""
+    for number in range(before.number + 1, part.number):
+        yield f"part {number} is missing"
+    if part.number == before.number + 1 and not of_before.finished:
+        yield f"{before.path.name}: has no end, and is not the last part"
+    elif part.number == before.number + 1 and part.link is not None:
+        size = before.path.stat().st_size
+        if size != part.link.previous_bytes:
+            yield f"{before.path.name}: has {size} bytes, and had {part.link.previous_bytes}"
 
 
 def read_recording(path: Path) -> Recording:
@@ -228,6 +280,8 @@ class _Scan:
             self.report.dropped_count = int(values["count"])
         elif metadata.name == RESUMED:
             self.report.resumed_count += 1
+        elif metadata.name == CONTINUED:
+            self.report.continued = True
         elif metadata.name == END:
             self.report.end_ns = int(values["time_ns"])
 

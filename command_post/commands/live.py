@@ -11,6 +11,7 @@ from typing import Annotated
 
 import structlog
 from cyclopts import Parameter
+from cyclopts.validators import Number
 from rich.console import Console
 from rich.live import Live
 
@@ -26,6 +27,7 @@ from command_post.post import Post
 from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
 from command_post.recording_mirror import Mirror
+from command_post.recording_set import Rotation
 from command_post.roster import Roster
 from command_post.table import roster_table
 from shared.bus.refused_links import RefusedLinks
@@ -48,6 +50,7 @@ from shared.sender import Unkept
 from shared.stations import read_stations
 from shared.strangers import NOBODY, AtLinks
 from shared.topics import check_id
+from shared.units import NS_PER_S
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -57,6 +60,8 @@ def run(
     incident: str = "incident",
     post_id: Annotated[str, Parameter(name="--id")] = "post",
     record: Path = Path("incident.mcap"),
+    rotate_mb: Annotated[float, Parameter(validator=Number(gt=0))] = 256.0,
+    rotate_hours: Annotated[float, Parameter(validator=Number(gt=0))] = 1.0,
     listen: str | None = None,
     keys: Keys = None,
     insecure: Insecure = False,
@@ -85,6 +90,10 @@ def run(
     record
         Where the recording goes; its name must be free. After a kill or a power cut the same
         command goes on with what is unfinished there.
+    rotate_mb
+        A part of the recording has so many megabytes at most, about; NAME.part002.mcap follows.
+    rotate_hours
+        A part of the recording is of so many hours at most.
     listen
         Where DAPs and agents find the post; by default port 7447 of this machine alone.
     keys
@@ -128,6 +137,7 @@ def run(
             fusion=fusion,
         )
         bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
+        rotation = Rotation(round(rotate_mb * 1e6), round(rotate_hours * 3600 * NS_PER_S))
         address = None if metrics is None else metrics_address(metrics, bundle)
         doors.check(bundle)
         with ended_by_signals():
@@ -144,7 +154,9 @@ def run(
             metadata = settings.as_metadata()
             with (
                 file_held_alone(record),
-                Recorder(record, metadata, resume=True, mirror=Mirror(doors.place)) as recorder,
+                Recorder(
+                    record, metadata, resume=True, mirror=Mirror(doors.place), rotation=rotation
+                ) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
                 doors.opened(incident, post_id, bundle) as guests,

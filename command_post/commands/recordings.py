@@ -30,7 +30,8 @@ def verify(file: Path, *, json: Annotated[bool, Parameter(negative="")] = False)
     Parameters
     ----------
     file
-        A recording: .mcap, or the .mcap.part that a killed post leaves.
+        A recording: .mcap, or the .mcap.part that a killed post leaves; of several parts the
+        first, or their folder.
     json
         Print it as one JSON object.
 
@@ -54,7 +55,7 @@ def salvage_file(file: Path, *, output: Path, origin: str | None = None) -> int:
     Parameters
     ----------
     file
-        The recording, as it was found.
+        The recording, as it was found: its first file, or the folder of its parts.
     output
         The new one; its name must be free.
     origin
@@ -82,12 +83,17 @@ def _in_words(told: Verification) -> str:
         f"{told.repeated} messages of journals repeated" if told.repeated else "",
         f"{told.unreadable_keys} messages under keys that are not ours"
         if told.unreadable_keys else "",
+        *(
+            f"{each.name} does not follow the file before it, or that was changed"
+            for each in told.files if not each.follows
+        ),
         *(f"the post's clock was set back by {each:.3f} s" for each in told.set_back_s),
     ]  # fmt: skip
     lines = [
         told.reading, "received:", *counts, "made of it:", *made,
         *(["journals:", *journals] if journals else []), *(each for each in faults if each),
-        f"messages sha256 {told.messages_sha256}", f"file sha256     {told.file_sha256}",
+        f"messages sha256 {told.messages_sha256}",
+        *(f"file sha256     {each.sha256} {each.name}" for each in told.files),
         "whole" if told.whole else "NOT WHOLE",
     ]  # fmt: skip
     return "\n".join(lines)

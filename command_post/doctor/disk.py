@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from command_post.doctor.finding import Finding, fault, ok, warning
+from shared.recording_parts import UNFINISHED, files_of
 
 LEAST_BYTES = 200 << 20
 ENOUGH_BYTES = 5 << 30
@@ -22,11 +23,12 @@ SYNCED_BYTES = 1 << 18
 
 def check_recording(record: Path) -> Iterator[Finding]:
     """Yield whether a post could record to ``record``, and for how long."""
-    part = record.with_name(f"{record.name}.part")
-    if record.exists():
-        yield fault("recording", f"{record} is there already", "give the recording another name")
-    elif part.exists():
-        size_mb = part.stat().st_size / 1e6
+    files = list(files_of(record).values())
+    part = files[-1] if files else record
+    if files and not part.name.endswith(UNFINISHED):
+        yield fault("recording", f"{part} is there already", "give the recording another name")
+    elif files:
+        size_mb = sum(each.stat().st_size for each in files) / 1e6
         yield warning(
             "recording",
             f"{part} ({size_mb:.1f} MB) was broken off",

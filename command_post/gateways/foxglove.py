@@ -93,6 +93,14 @@ class FoxgloveBoard:
         self._tracks: dict[str, TrackView] = {}
         self._daps: dict[str, DapRow] = {}
         self._mapped_ns: int | None = None
+        self._undrawn: set[str] = set()
+        """Access points that are to be drawn though nothing is said of them."""
+
+    def draw_again(self) -> None:
+        """Draw everything that stands as soon as anything is said, for who has not seen it."""
+        self._told_ns.clear()
+        self._mapped_ns = None
+        self._undrawn.update(self._daps)
 
     def take(self, message: Message, time_ns: int) -> Iterator[Drawing]:
         """Yield what is to be drawn of ``message``, which was said at ``time_ns``."""
@@ -110,6 +118,9 @@ class FoxgloveBoard:
             case OutsideWord():
                 words = f"{message.kind} of {message.callsign}: {message.words}".rstrip(": ")
                 yield Drawing("/log", Log(_time(time_ns), INFO, words, "outside"), time_ns)
+        for name in sorted(self._undrawn):
+            yield from self._drawn_dap(name, time_ns)
+        self._undrawn.clear()
         if self._origin is not None and self._is_map_due(time_ns):
             self._mapped_ns = time_ns
             scene = Scene(list(self._tracks.values()), {}, tuple(self._daps.values()))
@@ -133,14 +144,20 @@ class FoxgloveBoard:
         self._daps[dap.dap_id] = DapRow(
             dap.dap_id, "installed", "", dap.position, None, None, None, None
         )
-        place = dap.position
+        self._undrawn.discard(dap.dap_id)
+        yield from self._drawn_dap(dap.dap_id, time_ns)
+
+    def _drawn_dap(self, dap_id: str, time_ns: int) -> Iterator[Drawing]:
+        place = self._daps[dap_id].position
+        if place is None:
+            return
         at = Pose(_place(place.north_m, place.east_m, place.down_m))
         entity = SceneEntity(
-            timestamp=_time(time_ns), frame_id=FRAME, id=dap.dap_id,
+            timestamp=_time(time_ns), frame_id=FRAME, id=dap_id,
             cubes=[CubePrimitive(at, Vector3(0.4, 0.4, 0.4), _DAP_COLOR)],
-            texts=[_label(at.position, dap.dap_id, _DAP_COLOR)],
+            texts=[_label(at.position, dap_id, _DAP_COLOR)],
         )  # fmt: skip
-        yield Drawing(f"/daps/{dap.dap_id}", SceneUpdate([entity]), time_ns)
+        yield Drawing(f"/daps/{dap_id}", SceneUpdate([entity]), time_ns)
 
     def _is_map_due(self, time_ns: int) -> bool:
         since_ns = MAP_PERIOD_NS if self._mapped_ns is None else time_ns - self._mapped_ns

@@ -15,6 +15,7 @@ from command_post.announcer import Outgoing
 from command_post.checkpoint import Checkpoints, Kept, State, checkpoint_path, load
 from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident, Recorder
+from command_post.recording_set import Rotation
 from command_post.resume import resume
 from shared.codec import encode
 from shared.gate import Gate, JournalRun
@@ -46,9 +47,9 @@ class Heard:
 class World:
     """A post's record and state; ``hear`` hands on so many messages."""
 
-    def __init__(self, path: Path, heard: Heard) -> None:
+    def __init__(self, path: Path, heard: Heard, rotation: Rotation | None = None) -> None:
         self.path = path
-        self.recorder = Recorder(path, SETTINGS.as_metadata(), resume=True)
+        self.recorder = Recorder(path, SETTINGS.as_metadata(), resume=True, rotation=rotation)
         self.incident, self.gate = Incident(SETTINGS), Gate()
         self.recorded = RecordedIncident(self.incident, self.recorder)
         self.kept_at = checkpoint_path(path)
@@ -94,6 +95,25 @@ def heard() -> Heard:
 def world(tmp_path: Path, heard: Heard) -> Iterator[World]:
     world = World(tmp_path / "a.mcap", heard)
     yield world
+    world.recorder.close()
+
+
+def test_it_is_of_a_part_that_was_ended_since(tmp_path: Path, heard: Heard) -> None:
+    world = World(tmp_path / "a.mcap", heard, Rotation(1, NS_PER_S))
+    for _ in range(2):
+        world.hear(20)
+        world.keep()
+        number = world.recorder.part_number
+        world.hear(20)
+        world.all_is_safe()
+        wait_for(lambda before=number: world.recorder.part_number > before, "another part")
+    kept = world.loaded()
+    assert kept is not None
+    assert 1 < kept.part < world.recorder.part_number
+    since = read_recording(world.path).since(kept.position_bytes, kept.part)
+    resumed = resume(since, kept.state.incident, Gate().recall)
+    assert (resumed.handled, resumed.differing) == (20, 0)
+    assert kept.state.incident.estimates == world.incident.estimates
     world.recorder.close()
 
 
