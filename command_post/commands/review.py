@@ -16,6 +16,7 @@ from command_post.web.serving import served
 from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import RecordingError
 from shared.process import ExitCode, stop_on_signals
+from shared.recording_parts import parts_of
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -28,7 +29,8 @@ def review(*files: Path, page: str = "127.0.0.1:8080") -> int:
     Parameters
     ----------
     files
-        A recording: .mcap, or the .mcap.part that a killed post leaves; or all its parts in order.
+        A recording: .mcap, or the .mcap.part that a killed post leaves; of several parts the
+        first, or their folder; or all of them in order.
     page
         HOST:PORT of this machine where a browser finds it.
 
@@ -37,7 +39,8 @@ def review(*files: Path, page: str = "127.0.0.1:8080") -> int:
         address = _address(page)
         if not files:
             raise ValueError("name a recording, as in: command-post review incident.mcap")
-        with stop_on_signals() as stop, IndexedRecording(files) as recording:
+        parts = files if len(files) > 1 else [part.path for part in parts_of(files[0])]
+        with stop_on_signals() as stop, IndexedRecording(parts) as recording:
             past = Past(recording)
             if not recording.finished or recording.damages:
                 _log.warning(f"{files[0]}: not whole: 'command-post verify' says what is missing")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -98,6 +99,10 @@ def world(tmp_path: Path, heard: Heard) -> Iterator[World]:
     world.recorder.close()
 
 
+def is_later(recorder: Recorder, number: int) -> bool:
+    return recorder.part_number > number
+
+
 def test_it_is_of_a_part_that_was_ended_since(tmp_path: Path, heard: Heard) -> None:
     world = World(tmp_path / "a.mcap", heard, Rotation(1, NS_PER_S))
     for _ in range(2):
@@ -106,7 +111,7 @@ def test_it_is_of_a_part_that_was_ended_since(tmp_path: Path, heard: Heard) -> N
         number = world.recorder.part_number
         world.hear(20)
         world.all_is_safe()
-        wait_for(lambda before=number: world.recorder.part_number > before, "another part")
+        wait_for(partial(is_later, world.recorder, number), "another part")
     kept = world.loaded()
     assert kept is not None
     assert 1 < kept.part < world.recorder.part_number
