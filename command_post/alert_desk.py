@@ -17,7 +17,9 @@ from typing import NamedTuple, TypeAlias
 
 import msgspec
 
-from command_post.told import as_alarm
+from command_post.supplies import SupplyWatch, supplies_of, why_silent
+from command_post.teams import Left
+from command_post.told import as_alarm, why_nowhere
 from shared.messages import (
     MOST_WORDS,
     Alarm,
@@ -26,11 +28,14 @@ from shared.messages import (
     AlertRequest,
     AlertStage,
     Beat,
+    DapInstallation,
+    DapState,
     Mayday,
     Message,
     NodeId,
     OutsideWord,
     StrangerNoticed,
+    Supplies,
 )
 from shared.topics import Role
 from shared.units import NS_PER_S
@@ -54,6 +59,8 @@ _WORDS: dict[str, str] = {
     "fall": "has fallen",
     "mayday": "calls mayday",
 }
+_GET_WORSE = frozenset({*_WORDS, "low_battery", "low_air"})
+"""What is raised again when it says something else."""
 
 
 class Known(NamedTuple):
@@ -80,9 +87,19 @@ class AlertDesk:
         self._calls: dict[Node, Mayday] = {}
         """What was said last of a wearer's newest mayday."""
 
+        self._supplies: dict[Node, SupplyWatch] = {}
+        self._remains: dict[Node, Supplies] = {}
+        """What each node had left last, as far as it tells."""
+
+        self._going: dict[Node, str | None] = {}
+        """Why a DAP goes off, if it does."""
+
+        self._installed_ns: dict[Node, int] = {}
         self._next_number = 0
         self._heard_ns: dict[Node, int] = {}
         self._deadlines: list[tuple[int, Node]] = []
+        self._awaited: set[Node] = set()
+        """Those with a deadline."""
 
     @property
     def alerts(self) -> Mapping[int, Alert]:
@@ -99,31 +116,48 @@ class AlertDesk:
         changed = []
         while self._deadlines and self._deadlines[0][0] <= now_ns:
             due_ns, node = heapq.heappop(self._deadlines)
+            self._awaited.discard(node)
+            if node not in self._heard_ns:
+                continue
             heard_until_ns = self._heard_ns[node] + self._silent_ns
             if heard_until_ns > due_ns:
-                heapq.heappush(self._deadlines, (heard_until_ns, node))
+                self._await(node, heard_until_ns)
             else:
+                why = why_silent(node[0], self._remains.get(node))
                 words = f"nothing heard for {self._silent_ns / NS_PER_S:.0f} s"
-                del self._heard_ns[node]
-                changed += self._raise("lost_contact", "lost_contact", node, due_ns, words)
+                changed += self._lose(node, due_ns, words if why is None else f"{words}: {why}")
         return changed
 
     def hear(self, node: Node, message: Message, now_ns: int) -> list[Alert]:
         """Take in what a node says at ``now_ns``: that it is there, and perhaps an alarm."""
-        changed = []
+        if isinstance(message, Beat):
+            return self._take_beat(node, message, now_ns)
         if node in self._heard_ns:
             self._heard_ns[node] = now_ns
-        elif isinstance(message, Beat):
-            # Who beats is watched from now on; a recording without beats alerts to nobody.
-            self._heard_ns[node] = now_ns
-            heapq.heappush(self._deadlines, (now_ns + self._silent_ns, node))
-            changed += self._over("lost_contact", node, now_ns, "heard again")
-        if isinstance(message, Alarm):
-            changed += self._take_alarm(node, message, now_ns)
-        elif isinstance(message, StrangerNoticed):
-            changed += self._notice_at(node, message, now_ns)
-        elif isinstance(message, Mayday):
-            changed += self._take_mayday(node, message, now_ns)
+        changed: list[Alert] = []
+        match message:
+            case Alarm():
+                changed = self._take_alarm(node, message, now_ns)
+            case StrangerNoticed():
+                changed = self._notice_at(node, message, now_ns)
+            case Mayday():
+                changed = self._take_mayday(node, message, now_ns)
+            case DapState():
+                changed = self._take_box(node, message, now_ns)
+            case DapInstallation():
+                changed = self._take_installation(node, message, now_ns)
+        return changed
+
+    def leave(self, found: Iterable[Left], now_ns: int) -> list[Alert]:
+        """Take in who has left their team, and who is with it again."""
+        changed = []
+        for responder_id, words in found:
+            node: Node = ("responder", responder_id)
+            changed += (
+                self._over("left_team", node, now_ns, "with their team again")
+                if words is None
+                else self._raise("left_team", "left_team", node, now_ns, words)
+            )
         return changed
 
     def notice(self, stranger: StrangerNoticed, now_ns: int) -> list[Alert]:
@@ -153,7 +187,10 @@ class AlertDesk:
         for doubt in doubts:
             about = (f"doubt_{doubt.kind}", (doubt.role, doubt.node_id))
             standing.add(about)
-            changed += self._raise(about[0], "doubt", about[1], now_ns, doubt.words)
+            kind: AlertKind = (
+                "dap_moved" if (doubt.kind, doubt.role) == ("moved", "dap") else "doubt"
+            )
+            changed += self._raise(about[0], kind, about[1], now_ns, doubt.words)
         for name, node in [*self._open, *self._settled]:
             if name.startswith("doubt_") and (name, node) not in standing:
                 changed += self._over(name, node, now_ns, "no longer doubted")
@@ -175,6 +212,59 @@ class AlertDesk:
         return next(
             (one for one in alerts if (one.kind, one.role, one.node_id) == (kind, *node)), None
         )
+
+    def _take_beat(self, node: Node, beat: Beat, now_ns: int) -> list[Alert]:
+        """Watch who beats from now on; a recording without beats alerts to nobody."""
+        changed = []
+        if beat.leaves:
+            going = self._going.get(node)
+            words = "switched off by hand" if going is None else f"went off: {going}"
+            return self._lose(node, now_ns, words)
+        if node not in self._heard_ns:
+            self._await(node, now_ns + self._silent_ns)
+            changed += self._over("lost_contact", node, now_ns, "heard again")
+        self._heard_ns[node] = now_ns
+        return (
+            changed
+            if beat.supplies is None
+            else changed + self._take_supplies(node, beat.supplies, now_ns)
+        )
+
+    def _take_box(self, dap: Node, box: DapState, now_ns: int) -> list[Alert]:
+        """Take in what a DAP's box is like; that it goes off now its last beat says."""
+        self._going[dap] = box.going
+        return self._take_supplies(dap, supplies_of(box), now_ns)
+
+    def _take_supplies(self, node: Node, told: Supplies, now_ns: int) -> list[Alert]:
+        self._remains[node] = told
+        changed = []
+        for kind, words in self._supplies.setdefault(node, SupplyWatch()).take(told):
+            changed += (
+                self._over(kind, node, now_ns, "enough again")
+                if words is None
+                else self._raise(kind, kind, node, now_ns, words)
+            )
+        return changed
+
+    def _await(self, node: Node, due_ns: int) -> None:
+        if node not in self._awaited:
+            self._awaited.add(node)
+            heapq.heappush(self._deadlines, (due_ns, node))
+
+    def _lose(self, node: Node, now_ns: int, words: str) -> list[Alert]:
+        self._heard_ns.pop(node, None)
+        kind: AlertKind = "dap_dead" if node[0] == "dap" else "lost_contact"
+        return self._raise("lost_contact", kind, node, now_ns, words)
+
+    def _take_installation(self, dap: Node, said: DapInstallation, now_ns: int) -> list[Alert]:
+        """Take in where a DAP stands; out of the journal it may be older than what was heard."""
+        if said.event_time_ns < self._installed_ns.get(dap, 0):
+            return []
+        self._installed_ns[dap] = said.event_time_ns
+        why = why_nowhere(said)
+        if why is None:
+            return self._over("taken_up", dap, now_ns, "set down again")
+        return self._raise("taken_up", "dap_moved", dap, now_ns, why)
 
     def _take_mayday(self, node: Node, said: Mayday, now_ns: int) -> list[Alert]:
         """Take in a call or its end; out of the journal it may be older than what was heard."""
@@ -201,7 +291,7 @@ class AlertDesk:
         number = self._open.get((name, node))
         if number is not None:
             alert = self._alerts[number]
-            worse = alert.words != words[:MOST_WORDS] and kind in _WORDS
+            worse = alert.words != words[:MOST_WORDS] and kind in _GET_WORSE
             return self._turn(alert, "raised", now_ns, words=words) if worse else []
         if self._settled.get((name, node)) == words:
             return []

@@ -28,7 +28,8 @@ from command_post.mayday_answers import MaydayAnswers
 from command_post.node_clock import KnownClock
 from command_post.orders import Orders
 from command_post.senders import Senders
-from command_post.told import LastMovement, RaisedAlarm, Told
+from command_post.teams import Teams, TeamWatch
+from command_post.told import LastMovement, RaisedAlarm, Told, why_nowhere
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
     AlarmKind,
@@ -54,6 +55,7 @@ from shared.messages import (
     RssiPeak,
     StationTable,
     StrangerNoticed,
+    Supplies,
     TrackStart,
 )
 from shared.seal import Seal, read_seal
@@ -87,6 +89,7 @@ class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     post_id: NodeId = "post"
     time_line: TimeLineSettings = TimeLineSettings()
     fusion: FusionSettings = FusionSettings()
+    teams: Teams = Teams()
 
     @property
     def hold_ns(self) -> int:
@@ -141,6 +144,7 @@ class Incident:
         self._orders = Orders()
         self._alerts = AlertDesk(settings.hold_ns)
         self._maydays = MaydayAnswers(self._alerts)
+        self._teams = TeamWatch(settings.teams)
         self._senders = Senders(settings.hold_ns, settings.post_id)
         self._dating = Dating(self._senders)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
@@ -186,6 +190,11 @@ class Incident:
     def movements(self) -> Mapping[str, LastMovement]:
         """The newest movement heard of each responder."""
         return MappingProxyType(self._told.movements)
+
+    @property
+    def supplies(self) -> Mapping[tuple[Role, str], Supplies]:
+        """What each node that tells has left."""
+        return MappingProxyType(self._told.supplies)
 
     @property
     def orders(self) -> Orders:
@@ -370,10 +379,10 @@ class Incident:
         """Take in what a node of this incident says, and when that was on the post's clock."""
         for found in self._senders.hear(key, message, now_ns, seal):
             self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
-        if isinstance(message, DapInstallation) and (why := _why_nowhere(message)) is not None:
+        if isinstance(message, DapInstallation) and (why := why_nowhere(message)) is not None:
             reason = "at_rest" if message.at_rest else "taken_up"
             self._notices.append(Notice(reason, key.node_id, f"dap: {why}"))
-        self._told.take(key.node_id, message, now_ns)
+        self._told.take(key.role, key.node_id, message, now_ns)
         if isinstance(message, OrderReply) and message.post_id == self.settings.post_id:
             self._orders.take(key.node_id, message)
         if key.role == "responder":
@@ -409,6 +418,8 @@ class Incident:
         changes = self._tracker.take_changes()
         for responder_id, estimate in changes.estimates:
             yield self._announcer.track(responder_id, estimate)
+            left = self._teams.take(responder_id, estimate)
+            yield from self._alerted(self._alerts.leave(left, event.dated.event_time_ns))
         for dap_id, dap in changes.daps:
             # The DAP knows its installation by the time that it gave itself.
             said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
@@ -452,7 +463,7 @@ class Incident:
                 self._note_place(node_id, said)
 
     def _note_place(self, dap_id: str, said: DapInstallation) -> None:
-        why = _why_nowhere(said)
+        why = why_nowhere(said)
         if why is None:
             self._nowhere.pop(dap_id, None)
         elif dap_id not in self._tracker.daps:
@@ -482,15 +493,6 @@ def _from_the_dap(responder_id: str, peak: DapPeak) -> RssiPeak:
         event_time_ns=peak.event_time_ns, sequence=peak.sequence, responder_id=responder_id,
         peak_dbm=peak.peak_dbm, width_s=peak.width_s, sample_count=peak.sample_count,
     )  # fmt: skip
-
-
-def _why_nowhere(said: DapInstallation) -> str | None:
-    """Return in words why it is not known where a DAP stands; ``None`` if that is to be found."""
-    if said.position is not None or said.installer_id is not None:
-        return None
-    if said.at_rest:
-        return "lies where nobody set it down: it is placed when it is passed"
-    return "taken up, and nowhere until it is set down again"
 
 
 def _node_of(key_text: str) -> str:

@@ -15,7 +15,7 @@ from command_post.fusion.track import Estimate
 from command_post.orders import Orders, Unacknowledged
 from command_post.told import LastMovement, RaisedAlarm
 from shared.gate import Turned
-from shared.messages import Activity, Alarm, AlarmKind, LocalPosition, NodeHealth, Order
+from shared.messages import Activity, Alarm, AlarmKind, LocalPosition, NodeHealth, Order, Supplies
 from shared.topics import Role
 from shared.units import NS_PER_S
 
@@ -79,7 +79,8 @@ class ResponderRow(NamedTuple):
     ``no_track``: heard, and not started. ``reason`` says in words why ``status`` is what it is.
     ``alarm`` is the worst that stands, the newest of equals; ``activity`` what they do, in words,
     if that is known now; ``fault`` what is wrong with their unit: its clock, its id, and the worst
-    that it finds wrong with its sensor. ``orders`` are those that they have not acknowledged.
+    that it finds wrong with its sensor. ``orders`` are those that they have not acknowledged,
+    ``supplies`` what they had left when that was told last.
     """
 
     responder_id: str
@@ -93,6 +94,7 @@ class ResponderRow(NamedTuple):
     activity: str | None
     fault: str | None
     orders: tuple[OrderedRow, ...] = ()
+    supplies: Supplies | None = None
 
 
 class DapRow(NamedTuple):
@@ -106,6 +108,7 @@ class DapRow(NamedTuple):
     heard_age_s: float | None
     installer_id: str | None
     fault: str | None
+    supplies: Supplies | None = None
 
 
 class Roster(NamedTuple):
@@ -153,6 +156,10 @@ class Whereabouts(Protocol):
     @property
     def movements(self) -> Mapping[str, LastMovement]:
         """The newest movement of each responder."""
+
+    @property
+    def supplies(self) -> Mapping[tuple[Role, str], Supplies]:
+        """What each node that tells has left."""
 
     @property
     def orders(self) -> Orders:
@@ -255,6 +262,7 @@ def _responder_row(
             *_worst(incident.health.get(responder_id)),
         ),
         orders=tuple(_ordered(one, view) for one in incident.orders.of(responder_id)),
+        supplies=incident.supplies.get(("responder", responder_id)),
     )
 
 
@@ -331,4 +339,5 @@ def _dap_row(dap_id: str, dap: InstalledDap | None, incident: Whereabouts, view:
             *incident.faults("dap", dap_id, view.now_ns),
             *view.doubtful(dap_id),
         ),
+        supplies=incident.supplies.get(("dap", dap_id)),
     )

@@ -7,15 +7,20 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from command_post.supplies import supplies_of
 from shared.messages import (
     Alarm,
     AlarmKind,
+    Beat,
+    DapInstallation,
     DapState,
     Mayday,
     Message,
     NodeHealth,
     OdometryIncrement,
+    Supplies,
 )
+from shared.topics import Role
 
 
 class RaisedAlarm(NamedTuple):
@@ -35,7 +40,7 @@ class LastMovement(NamedTuple):
 class Told:
     """What was told last, by responder; alarms by their kind as well, ``cancelled`` ones too.
 
-    ``boxes`` by DAP: what each said of itself.
+    ``boxes`` by DAP: what each said of itself; ``supplies`` by node: what it has left.
     """
 
     def __init__(self) -> None:
@@ -43,10 +48,13 @@ class Told:
         self.alarms: dict[str, dict[AlarmKind, RaisedAlarm]] = {}
         self.health: dict[str, NodeHealth] = {}
         self.movements: dict[str, LastMovement] = {}
+        self.supplies: dict[tuple[Role, str], Supplies] = {}
 
-    def take(self, node_id: str, message: Message, now_ns: int) -> None:
+    def take(self, role: Role, node_id: str, message: Message, now_ns: int) -> None:
         """Keep ``message``, heard at ``now_ns``, if it is the newest of its kind."""
         match message:
+            case Beat(supplies=Supplies() as supplies):
+                self.supplies[role, node_id] = supplies
             case Alarm():
                 self._take_alarm(node_id, message, now_ns)
             case Mayday():
@@ -59,6 +67,7 @@ class Told:
                 box = self.boxes.get(node_id)
                 if box is None or _is_newer(message, box):
                     self.boxes[node_id] = message
+                    self.supplies[role, node_id] = supplies_of(message)
             case OdometryIncrement():
                 last = self.movements.get(node_id)
                 if last is None or _is_newer(message, last.increment):
@@ -71,6 +80,15 @@ class Told:
             goes_on = known is not None and known.alarm.phase == alarm.phase
             heard_ns = known.heard_ns if known is not None and goes_on else now_ns
             of_node[alarm.kind] = RaisedAlarm(alarm, heard_ns)
+
+
+def why_nowhere(said: DapInstallation) -> str | None:
+    """Return in words why it is not known where a DAP stands; ``None`` if that is to be found."""
+    if said.position is not None or said.installer_id is not None:
+        return None
+    if said.at_rest:
+        return "lies where nobody set it down: it is placed when it is passed"
+    return "taken up, and nowhere until it is set down again"
 
 
 def as_alarm(mayday: Mayday) -> Alarm:

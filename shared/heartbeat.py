@@ -14,7 +14,7 @@ from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.codec import Refusal, decode, parse_key
 from shared.gate import Gate, Verifier
-from shared.messages import Beat, ClockStatement, NodeId, Receipt, TimeNs
+from shared.messages import Beat, ClockStatement, NodeId, Receipt, Supplies, TimeNs
 from shared.outbox import JournalledOutbox
 from shared.refill import reply_to
 from shared.sender import Sender
@@ -39,17 +39,20 @@ class Heartbeat:
         verifier: Verifier | None = None,
         now_ns: Callable[[], TimeNs] = time.time_ns,
         clock_statement: Callable[[bytes], ClockStatement | None] = lambda _: None,
+        supplies: Callable[[], Supplies | None] = lambda: None,
     ) -> None:
         """Answer for the journal from now on.
 
         ``now_ns``: the clock that the node dates by; ``clock_statement``: what it knows of that
-        clock, for the journal of a run. ``verifier`` tells whose receipts are heeded: without one,
-        everybody's.
+        clock, for the journal of a run. ``supplies``: what it has left. ``verifier`` tells whose
+        receipts are heeded: without one, everybody's.
         """
         self._now_ns = now_ns
         self._bus = bus
         self._outbox = outbox
         self._clock_statement = clock_statement
+        self._supplies = supplies
+        self._leaves = self._is_meant = False
         self._sender = Sender(bus, incident, role, node_id, outbox)
         self._role: Role = role
         self._node_id = node_id
@@ -82,6 +85,8 @@ class Heartbeat:
                     acknowledged=holding.acknowledged,
                     lost=holding.lost,
                     clock=self._clock_statement(holding.run),
+                    supplies=self._supplies(),
+                    leaves=self._leaves,
                 )
             )
 
@@ -90,8 +95,9 @@ class Heartbeat:
         self._thread.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Beat a last time, and no more."""
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Beat a last time, and no more: saying so, if this is as it was meant."""
+        self._is_meant = kind is None
         self._stop.set()
         self._wake.set()
         self._thread.join()
@@ -101,6 +107,7 @@ class Heartbeat:
             self.beat()
             self._wake.wait(PERIOD_S)
             self._wake.clear()
+        self._leaves = self._is_meant
         self.beat()
 
     def _heed(self, received: Received) -> None:

@@ -10,7 +10,7 @@ from shared.bus.zenoh_bus import ZenohBus
 from shared.clock import PacedClock
 from shared.gate import Verifier
 from shared.heartbeat import Heartbeat
-from shared.messages import ClockStatement, NodeId, TimeNs
+from shared.messages import ClockStatement, NodeId, Supplies, TimeNs
 from shared.outbox import JournalledOutbox
 from shared.sender import Sender
 from shared.topics import Role
@@ -35,9 +35,14 @@ class Node(NamedTuple):
         """Return what says its messages, to be used by one thread."""
         return Sender(self.bus, self.incident, self.role, self.node_id, self.outbox)
 
-    def heartbeat(self, clock_statement: Callable[[bytes], ClockStatement | None]) -> Heartbeat:
-        """Return its heartbeat, which answers for its journal."""
+    def heartbeat(
+        self,
+        clock_statement: Callable[[bytes], ClockStatement | None],
+        supplies: Callable[[], Supplies | None] = lambda: None,
+    ) -> Heartbeat:
+        """Return its heartbeat, which answers for its journal and tells what it has left."""
         return Heartbeat(
             self.bus, self.incident, self.role, self.node_id, self.outbox,
             verifier=self.verifier, now_ns=self.clock.now_ns, clock_statement=clock_statement,
+            supplies=supplies,
         )  # fmt: skip

@@ -30,9 +30,10 @@ from command_post.recording_mirror import Mirror
 from command_post.recording_set import Rotation
 from command_post.roster import Roster
 from command_post.table import roster_table
+from command_post.teams import Teams
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
-from shared.config import checked
+from shared.config import checked, load_toml
 from shared.continued_clock import continued_clock
 from shared.files import FileHeldError, file_held_alone
 from shared.gate import Gate
@@ -70,6 +71,7 @@ def run(
     hold_s: Annotated[float | None, Parameter(name="--hold")] = None,
     plan: Path | None = None,
     stations: Path | None = None,
+    teams: Path | None = None,
     table: bool = False,
     metrics: str | None = None,
     doors: Doors = Doors(),  # noqa: B008 - it is frozen
@@ -111,6 +113,8 @@ def run(
         One that cannot be used is named, also in the roster, and gone on without.
     stations
         Whose radio is whose, in TOML or CSV: told to DAPs and responders' units (docs/dap.md).
+    teams
+        Who is of which team, in TOML: who leaves theirs is alerted to (docs/alarms.md).
     table
         Show the roster on standard output.
     metrics
@@ -135,6 +139,7 @@ def run(
             post_id=check_id(post_id, "--id"),
             time_line=checked(TimeLineSettings(hold_s=hold_s)),
             fusion=fusion,
+            teams=Teams() if teams is None else load_toml(teams, Teams),
         )
         bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
         rotation = Rotation(round(rotate_mb * 1e6), round(rotate_hours * 3600 * NS_PER_S))

@@ -30,10 +30,12 @@ from shared.mcap_index import IndexedRecording, Series
 from shared.mcap_reader import RecordingError
 from shared.messages import (
     AlarmKind,
+    Beat,
     Message,
     NodeHealth,
     NodeId,
     OdometryIncrement,
+    Supplies,
     TrackEstimate,
 )
 from shared.topics import Key, Role
@@ -140,6 +142,7 @@ class Past:
             alarms=standing.told.alarms,
             health=self._newest_health(at_ns),
             movements=self._movements(at_ns),
+            supplies=self._supplies(at_ns),
             orders=standing.orders,
             standing=standing,
         )
@@ -168,6 +171,15 @@ class Past:
             heard = max((each for each in times if each is not None), default=None)
             if heard is not None:
                 found[node] = heard
+        return found
+
+    def _supplies(self, at_ns: int) -> dict[tuple[Role, str], Supplies]:
+        found = {}
+        for series, key in self._of_topic["beat", False]:
+            newest = self.recording.newest(series, at_ns)
+            beat = None if newest is None else decode(key, newest[0].payload)
+            if isinstance(beat, Beat) and beat.supplies is not None:
+                found[key.role, key.node_id] = beat.supplies
         return found
 
     def _movements(self, at_ns: int) -> dict[str, LastMovement]:
@@ -245,6 +257,7 @@ class _Known(NamedTuple):
     alarms: Mapping[str, Mapping[AlarmKind, RaisedAlarm]]
     health: Mapping[str, NodeHealth]
     movements: Mapping[str, LastMovement]
+    supplies: Mapping[tuple[Role, str], Supplies]
     orders: Orders
     standing: Standing
 

@@ -18,6 +18,7 @@ from shared.messages import (
     Alert,
     DapEstimate,
     DapInstallation,
+    Mayday,
     Message,
     NodeId,
     OrderAnswer,
@@ -28,8 +29,8 @@ from shared.topics import Key, Role
 
 RARE = frozenset(
     {
-        "alert", "order", "order_answer", "order_request", "order_reply", "alarm", "installation",
-        "dap_place",
+        "alert", "order", "order_answer", "order_request", "order_reply", "alarm", "mayday",
+        "installation", "dap_place",
     }
 )  # fmt: skip
 """The topics that it is gone by."""
@@ -73,8 +74,8 @@ class Standing:
                 self.orders.request(message, self._known, at_ns)
             case OrderReply():
                 self.orders.take(key.node_id, message)
-            case Alarm():
-                self.told.take(key.node_id, message, at_ns)
+            case Alarm() | Mayday():
+                self.told.take(key.role, key.node_id, message, at_ns)
             case DapInstallation():
                 self._install(key.node_id, message)
             case DapEstimate(dap_id=dap_id, event_time_ns=since_ns):
@@ -86,7 +87,8 @@ class Standing:
         return [
             alert.words
             for alert in self.alerts.values()
-            if (alert.kind, alert.role, alert.node_id) == ("doubt", role, node_id)
+            if alert.kind in ("doubt", "dap_moved")
+            and (alert.role, alert.node_id) == (role, node_id)
             and alert.stage != "resolved"
         ]
 

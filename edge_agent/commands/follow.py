@@ -27,6 +27,7 @@ from edge_agent.radio_desk import RadioDesk
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
+from edge_agent.supply_gauge import SupplyGauge
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import Clock, PacedClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
@@ -89,6 +90,7 @@ def run(
     radio: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
     radio_offset: Annotated[float, Parameter(validator=validators.Number(gte=-60, lte=60))] = 0.0,
     button: Path | None = None,
+    supplies: Path | None = None,
     journal: JournalFile = None,
     post_id: Annotated[str, Parameter(name="--post")] = "post",
     await_start: bool = False,
@@ -149,6 +151,8 @@ def run(
     button
         The mayday button: an input device of Linux, as /dev/input/event3. Held for a second it
         calls, held for three it takes the call back. 'edge-agent mayday' does without one.
+    supplies
+        JSON file that tells what is left, besides this machine's own battery (docs/alarms.md).
     journal
         File that keeps what is said until the post has it; by default one of this responder's in
         the incident, among what programs keep for the user.
@@ -201,7 +205,7 @@ def run(
             bus.answer(sender.key(TrackStart), lambda _: agent.start_payload)
             with (
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
-                node.heartbeat(node_time.statement),
+                node.heartbeat(node_time.statement, SupplyGauge(supplies)),
                 _order_desk(node, check_id(post_id, "--post"), acknowledged, node_time),
                 _mayday_desk(node, post_id, kept, button),
                 RadioDesk(node, radios, KeptStations(kept), radio_offset, drop_desk),

@@ -22,7 +22,7 @@ from shared.messages.command import (
     StrangerNoticed,
 )
 from shared.messages.estimates import DapEstimate, FloorShare, TrackEstimate
-from shared.messages.keeping import Beat, ClockSpan, ClockStatement, Receipt, SafeUpTo
+from shared.messages.keeping import Beat, ClockSpan, ClockStatement, Receipt, SafeUpTo, Supplies
 from shared.messages.movement import (
     WITHOUT_GYRO,
     HeightFix,
@@ -161,6 +161,7 @@ __all__ = [
     "StationAddress",
     "StationTable",
     "StrangerNoticed",
+    "Supplies",
     "TimeNs",
     "TrackEstimate",
     "TrackStart",

@@ -10,9 +10,11 @@ from msgspec import Meta
 from shared.messages.values import (
     MOST_LOST,
     ClockOffsetNs,
+    Duration,
     Message,
     MessageNumber,
     NodeId,
+    Probability,
     RunId,
     TimeNs,
 )
@@ -41,13 +43,24 @@ class ClockStatement(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     spans: Annotated[tuple[ClockSpan, ...], Meta(max_length=32)] = ()
 
 
+class Supplies(msgspec.Struct, frozen=True, kw_only=True, gc=False, omit_defaults=True):
+    """What a node has left: the charge of its battery (0 to 1), its wearer's air; how hot it is."""
+
+    battery: Probability | None = None
+    charging: bool = False
+    temperature_c: Annotated[float, Meta(ge=-273.15, le=1000.0)] | None = None
+    air_bar: Annotated[float, Meta(ge=0.0, le=1000.0)] | None = None
+    air_left_s: Duration | None = None
+
+
 class Beat(Message, frozen=True, kw_only=True):
     """A node is at work, at ``event_time_ns``; what its journal holds for those who missed it.
 
     ``run`` is the journal's and ``last_number`` its newest message's, of which those before
     ``kept_from`` are there no more and those up to ``acknowledged`` are known to be safe elsewhere.
     The disk has ``lost`` some between: nobody is to wait for them. ``clock`` is what the node knows
-    of its clock, ``None`` if nothing.
+    of its clock, ``None`` if nothing. ``supplies`` are what it has left, where that is told. The
+    last beat of a node that is switched off says that it ``leaves``.
     """
 
     run: RunId
@@ -56,6 +69,8 @@ class Beat(Message, frozen=True, kw_only=True):
     acknowledged: MessageNumber
     clock: ClockStatement | None = None
     lost: Annotated[tuple[MessageNumber, ...], Meta(max_length=MOST_LOST)] = ()
+    supplies: Supplies | None = None
+    leaves: bool = False
 
 
 class SafeUpTo(msgspec.Struct, frozen=True, kw_only=True, gc=False):

@@ -56,8 +56,11 @@ Activity: TypeAlias = Literal[
 TrackStatus: TypeAlias = Literal["tracking", "dead_reckoning", "lost", "recovering"]
 AlarmKind: TypeAlias = Literal["motionless", "fall", "mayday"]
 AlarmPhase: TypeAlias = Literal["pre_alarm", "alarm", "cancelled"]
-AlertKind: TypeAlias = AlarmKind | Literal["lost_contact", "doubt", "intruder"]
-"""What a commander is alerted to: a unit's alarm, silence, what the fusion doubts, a stranger."""
+AlertKind: TypeAlias = AlarmKind | Literal[
+    "lost_contact", "low_battery", "low_air", "left_team", "dap_dead", "dap_moved", "doubt",
+    "intruder",
+]  # fmt: skip
+"""What a commander is alerted to: a unit's alarm, silence or want, a doubt, a stranger."""
 
 AlertStage: TypeAlias = Literal["raised", "acknowledged", "assigned", "resolved"]
 UNKNOWN_FACING_SD_RAD = 1.81

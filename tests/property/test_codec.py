@@ -52,7 +52,8 @@ WIRE_FIELDS = {
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
     "heading_sd_rad last_proximity_time_ns down_sd_m regions_m floors status reason",
     "dap_place": "event_time_ns sequence dap_id position",
-    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock lost",
+    "beat": "event_time_ns sequence run last_number kept_from acknowledged clock lost "
+    "supplies leaves",
     "receipt": "event_time_ns sequence safe",
     "order": "event_time_ns sequence kind to text said_ns",
     "order_request": "event_time_ns sequence kind to text",
@@ -71,6 +72,7 @@ ADDED_SINCE = {
     "activity", "activity_confidence", "facing_sd_rad", "pressure_pa", "pressure_rows",
     "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns", "lost",
     "near_log_odds", "range_m", "range_sd_m", "at_rest",
+    "supplies", "leaves", "battery", "charging", "temperature_c", "air_bar", "air_left_s",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 

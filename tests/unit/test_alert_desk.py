@@ -102,7 +102,7 @@ def test_a_doubt_stands_while_it_is_held() -> None:
     desk = AlertDesk(0)
     moved = Known("moved", "dap", "dap1", "seems to have been moved")
     (raised,) = desk.doubt([moved], 1)
-    assert (raised.kind, raised.node_id) == ("doubt", "dap1")
+    assert (raised.kind, raised.node_id) == ("dap_moved", "dap1")
     assert desk.doubt([moved], 2) == []
     (over,) = desk.doubt([], 3)
     assert (over.number, over.stage) == (raised.number, "resolved")

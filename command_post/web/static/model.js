@@ -1,7 +1,8 @@
 // What is known of the incident: the newest of everything that was told.
 const MOST_TRAIL = 300;
 const TRAIL_SPACING_M = 0.5;
-const WORST_FIRST = ["mayday", "fall", "motionless", "intruder", "lost_contact", "doubt"];
+const WORST_FIRST = ["mayday", "fall", "motionless", "low_air", "left_team", "lost_contact", "intruder", "dap_dead",
+  "dap_moved", "low_battery", "doubt"];
 const STAGES = ["raised", "acknowledged", "assigned", "resolved"];
 
 export class Model {

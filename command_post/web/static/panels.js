@@ -73,6 +73,7 @@ export function showPeople(model, actions) {
     const shown = {
       status, floor, sure: track?.floor_probability.toFixed(1), radius: radius === null ? "" : length(radius),
       reason: status === row.status ? row.reason : track.reason, activity: row.activity, fault: row.fault,
+      left: suppliesWords(row.supplies),
       orders: row.orders.map((one) => [one.order.kind, one.received]), word: word(status),
     };
     return { key: row.responder_id, row, shown };
@@ -87,7 +88,7 @@ function personItem(row, shown, actions) {
   state.dataset.status = shown.status;
   const sure = shown.radius ? `${word("within")} ${shown.radius}` : "";
   const floor = shown.floor === null ? "" : `${word("floor")} ${shown.floor}${shown.sure < 0.9 ? "?" : ""}`;
-  const why = [shown.reason, shown.activity, shown.fault].filter(Boolean).join(" · ");
+  const why = [shown.reason, shown.activity, shown.left, shown.fault].filter(Boolean).join(" · ");
   const orders = row.orders.map((one) => {
     const stage = one.received ? word("has_it") : word("not_acknowledged");
     return `${word(one.order.kind)}: ${stage}`;
@@ -109,6 +110,14 @@ function personItem(row, shown, actions) {
     way("rescue", () => actions.rescue(row.responder_id))));
 }
 
+/** What somebody, or something, has left, as far as that is known. */
+function suppliesWords(left) {
+  const percent = left?.battery === undefined ? "" : `${word("battery")} ${Math.round(100 * left.battery)} %`;
+  return [percent && left.charging ? `${percent} (${word("charging")})` : percent,
+    left?.air_bar === undefined ? "" : `${word("air")} ${Math.round(left.air_bar)} bar`,
+    left?.air_left_s === undefined ? "" : `${word("air_for")} ${duration(left.air_left_s)}`].filter(Boolean).join(" · ");
+}
+
 function showEvacuation(rows) {
   const out = rows.filter((row) => row.orders.some((one) => one.order.kind === "evacuate"));
   const text = out.length ? `${word("evacuating")} ${out.length}: ${out.map((row) => row.responder_id).join(", ")}` : "";
@@ -126,13 +135,13 @@ function showEvacuation(rows) {
 export function showDaps(model) {
   const daps = model.roster?.daps ?? [];
   renew($("dap-list"), daps.map((row) => ({
-    key: row.dap_id, row, shown: [row.status, row.reason, row.fault, word(row.status)],
-  })), ({ row }) => {
+    key: row.dap_id, row, shown: [row.status, row.reason, row.fault, word(row.status), suppliesWords(row.supplies)],
+  })), ({ row, shown }) => {
     const state = element("span", { className: "state", textContent: word(row.status) });
     state.dataset.status = row.status;
     return element("li", {}, element("div", { className: "who" },
       element("strong", { textContent: row.dap_id }), state,
-      element("span", { className: "why", textContent: [row.reason, row.fault].filter(Boolean).join(" · ") })));
+      element("span", { className: "why", textContent: [row.reason, shown.at(-1), row.fault].filter(Boolean).join(" · ") })));
   });
 }
 

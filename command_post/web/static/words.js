@@ -24,6 +24,8 @@ const CATALOGUE = {
     recording: "recording", time_line: "Time line", play: "Play", hold: "Pause", speed: "Speed",
     mark_before: "Event before", mark_next: "Next event", happened: "What happened",
     ordered: "ordered", received: "received", withdraw: "Withdrawn",
+    low_battery: "Low battery", low_air: "Low air", left_team: "Left the team", dap_dead: "Access point dead",
+    dap_moved: "Access point moved", battery: "battery", charging: "charging", air: "air", air_for: "air for",
   },
   ko: {
     evacuate: "대피", roll_call: "인원 점검", message: "메시지", units: "m / ft",
@@ -49,6 +51,8 @@ const CATALOGUE = {
     recording: "기록", time_line: "시간선", play: "재생", hold: "일시 정지", speed: "속도",
     mark_before: "이전 사건", mark_next: "다음 사건", happened: "발생한 일",
     ordered: "지시함", received: "수신함", withdraw: "철회",
+    low_battery: "배터리 부족", low_air: "공기 부족", left_team: "팀 이탈", dap_dead: "액세스 포인트 꺼짐",
+    dap_moved: "액세스 포인트 이동", battery: "배터리", charging: "충전 중", air: "공기", air_for: "공기 잔여",
   },
 };
 

@@ -1,0 +1,121 @@
+"""What a node has left, as its machine tells: Linux's power supplies, and a file of others' words.
+
+The file is JSON with the fields of ``shared.messages.Supplies``; whatever reads a cylinder's
+pressure, or the battery of a sensor, writes it anew at least once a minute.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import msgspec
+import structlog
+
+from shared.messages import Supplies
+
+POWER_SUPPLIES = Path("/sys/class/power_supply")
+LOOK_PERIOD_S = 5.0
+STALE_S = 60.0
+"""What a file says counts for so long after it was written."""
+
+MOST_BYTES = 4096
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+class SupplyGauge:
+    """Reads what is left, now and then: called as often as one likes, by one thread."""
+
+    def __init__(self, told: Path | None = None, power: Path = POWER_SUPPLIES) -> None:
+        """``told``: a file that others write; what it says counts more than ``power``'s."""
+        self._told = told
+        self._power = power
+        self._due_s = 0.0
+        self._known: Supplies | None = None
+        self._complaint = ""
+
+    def __call__(self) -> Supplies | None:
+        """Return what is left; ``None`` if nothing tells."""
+        now_s = time.monotonic()
+        if now_s >= self._due_s:
+            self._due_s = now_s + LOOK_PERIOD_S
+            told, battery = self._read_told(), read_battery(self._power)
+            self._known = told if battery is None else _joined(battery, told)
+        return self._known
+
+    def _read_told(self) -> Supplies | None:
+        if self._told is None:
+            return None
+        try:
+            age_s = time.time() - self._told.stat().st_mtime
+            with self._told.open("rb") as stream:
+                told = msgspec.json.decode(stream.read(MOST_BYTES), type=Supplies)
+        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+            self._complain(str(error))
+            return None
+        self._complain(f"not written for {age_s:.0f} s" if age_s > STALE_S else "")
+        return told if age_s <= STALE_S else None
+
+    def _complain(self, why: str) -> None:
+        kind = why[:20]
+        if why and kind != self._complaint:
+            _log.warning("what is left cannot be read", path=str(self._told), why=why)
+        self._complaint = kind
+
+
+def read_battery(folder: Path) -> Supplies | None:
+    """Return what the fullest battery under ``folder``, as Linux has it, tells; ``None`` if none.
+
+    Batteries of a mouse or the like (scope ``Device``) are passed over.
+    """
+    found = [
+        told
+        for path in (sorted(folder.iterdir()) if folder.is_dir() else [])
+        if _word(path / "type") == "Battery"
+        and _word(path / "scope") != "Device"
+        and (told := _read_one(path)) is not None
+    ]
+    return max(found, key=lambda each: each.battery or 0.0, default=None)
+
+
+def _read_one(path: Path) -> Supplies | None:
+    percent = _number(path / "capacity")
+    if percent is None:
+        for kind in ("energy", "charge"):
+            now, full = _number(path / f"{kind}_now"), _number(path / f"{kind}_full")
+            if now is not None and full:
+                percent = 100.0 * now / full
+    tenths_c = _number(path / "temp")
+    if percent is None:
+        return None
+    return Supplies(
+        battery=min(max(percent / 100.0, 0.0), 1.0),
+        charging=_word(path / "status") in ("Charging", "Full", "Not charging"),
+        temperature_c=None if tenths_c is None else min(max(tenths_c / 10.0, -273.0), 1000.0),
+    )
+
+
+def _joined(battery: Supplies, told: Supplies | None) -> Supplies:
+    """Return what both say; of the battery, what was told by others counts."""
+    if told is None:
+        return battery
+    if told.battery is None:
+        told = msgspec.structs.replace(told, battery=battery.battery, charging=battery.charging)
+    if told.temperature_c is None:
+        told = msgspec.structs.replace(told, temperature_c=battery.temperature_c)
+    return told
+
+
+def _word(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
+
+
+def _number(path: Path) -> float | None:
+    try:
+        return float(int(_word(path)))
+    except ValueError:
+        return None
