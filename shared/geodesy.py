@@ -9,11 +9,16 @@ from __future__ import annotations
 import math
 import re
 from functools import cached_property
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias, TypeVar
 
 import msgspec
+import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 from pyproj import Transformer
+
+Floats: TypeAlias = NDArray[np.float64]
+T = TypeVar("T", float, Floats)
 
 _NUMBER = r"[+-]?\d+(?:\.\d*)?"
 _ORIGIN = re.compile(
@@ -49,6 +54,17 @@ class Origin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         )
         return Geodetic(float(latitude), float(longitude), float(height))
 
+    def all_geodetic(self, places_m: Floats) -> Floats:
+        """Return where on the Earth places (n, 3: north, east, down) are.
+
+        That is (n, 3): latitude and longitude in degrees, height in metres.
+        """
+        north_m, east_m = self._turned(places_m[:, 0], places_m[:, 1], self.bearing_deg)
+        longitude, latitude, height = self._to_earth.transform(
+            east_m, north_m, -places_m[:, 2], radians=False
+        )
+        return np.column_stack([latitude, longitude, height])
+
     def local(self, place: Geodetic) -> tuple[float, float, float]:
         """Return a place on the Earth in the incident's frame: north, east, down (m)."""
         east_m, north_m, up_m = self._to_earth.transform(
@@ -69,7 +85,7 @@ class Origin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         )
 
     @staticmethod
-    def _turned(north_m: float, east_m: float, bearing_deg: float) -> tuple[float, float]:
+    def _turned(north_m: T, east_m: T, bearing_deg: float) -> tuple[T, T]:
         cos, sin = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
         return cos * north_m - sin * east_m, sin * north_m + cos * east_m
 

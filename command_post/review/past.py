@@ -41,6 +41,8 @@ from shared.messages import (
 from shared.topics import Key, Role
 from shared.units import NS_PER_S
 
+MOST_LOST_S = 1e5
+
 _NOT_THEIRS = frozenset({"truth"})
 """What a node's simulator says, and not the node."""
 
@@ -81,6 +83,9 @@ class Past:
         for series, key in self._keys.items():
             if isinstance(key, Key):
                 self._note(series, key)
+        beats = bool(self._of_topic["beat", False])
+        # Where nobody says regularly to be there, silence says nothing.
+        self._roster_settings = RosterSettings() if beats else RosterSettings(lost_s=MOST_LOST_S)
         self.course = Course([*self._first_heard(), *self._rare()])
         self._book = TrackBook()
         self._lock = Lock()
@@ -101,6 +106,14 @@ class Past:
                 yield self.read_until_ns
         self.read_until_ns = self.end_ns
         yield self.end_ns
+
+    def estimates(self) -> Iterator[TrackEstimate]:
+        """Yield all that was told of where anybody is, in the order in which it was told."""
+        keys = dict(self._of_topic["track", True])
+        for message, _ in self.recording.located(keys):
+            track = decode(keys[Series(message.key, outgoing=True)], message.payload)
+            if isinstance(track, TrackEstimate):
+                yield track
 
     def moment(self, at_ns: int) -> Changes:
         """Return all that was shown at ``at_ns``."""
@@ -146,7 +159,7 @@ class Past:
             orders=standing.orders,
             standing=standing,
         )
-        roster = make_roster(known, at_ns, RosterSettings())
+        roster = make_roster(known, at_ns, self._roster_settings)
         rows = {row.responder_id: row for row in roster.responders}
         views = {
             name: _as_shown(track_view(track), rows.get(name), at_ns - newest[name].at_ns)

@@ -1,0 +1,1 @@
+"""What a recording comes to in other programs' formats, and in a report for people."""
