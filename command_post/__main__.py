@@ -27,6 +27,7 @@ COMMANDS = (
     "scoring:score_file",
     "afterwards:afterwards",
     "review:review",
+    "export:export",
     "offline:rehearse",
     "offline:montecarlo",
     "offline:plan",

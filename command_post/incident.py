@@ -11,8 +11,6 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-import msgspec
-
 from command_post.alert_desk import AlertDesk, Known
 from command_post.announcer import Announcer, Outgoing
 from command_post.both_ways import BothWays, Side
@@ -21,14 +19,14 @@ from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Doubt
 from command_post.fusion.methods import make_fusion
-from command_post.fusion.settings import HOLD_S, FusionSettings
-from command_post.fusion.time_line import Event, TimeLine, TimeLineSettings
+from command_post.fusion.time_line import Event, TimeLine
 from command_post.fusion.track import Estimate
+from command_post.incident_settings import IncidentSettings
 from command_post.mayday_answers import MaydayAnswers
 from command_post.node_clock import KnownClock
 from command_post.orders import Orders
 from command_post.senders import Senders
-from command_post.teams import Teams, TeamWatch
+from command_post.teams import TeamWatch
 from command_post.told import LastMovement, RaisedAlarm, Told, why_nowhere
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
@@ -60,7 +58,8 @@ from shared.messages import (
 )
 from shared.seal import Seal, read_seal
 from shared.topics import TOPICS, Key, Role, check_id
-from shared.units import NS_PER_S
+
+__all__ = ["MOST_NODES", "Incident", "IncidentSettings", "Notice"]
 
 MOST_NODES = 4096
 MOST_KEYS_KNOWN = 16_384
@@ -80,36 +79,6 @@ _FUSED = frozenset(
 
 
 _SAID: dict[type[Message], str] = {Order: "order", Receipt: "receipt", StationTable: "stations"}
-
-
-class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Whose incident it is, and how its events are ordered and fused."""
-
-    incident: NodeId = "exercise"
-    post_id: NodeId = "post"
-    time_line: TimeLineSettings = TimeLineSettings()
-    fusion: FusionSettings = FusionSettings()
-    teams: Teams = Teams()
-
-    @property
-    def hold_ns(self) -> int:
-        """How long an event waits for earlier ones."""
-        hold_s = self.time_line.hold_s
-        return round((HOLD_S[self.fusion.method] if hold_s is None else hold_s) * NS_PER_S)
-
-    def as_metadata(self) -> dict[str, str]:
-        """Return them as a recording carries them."""
-        return {"incident_settings": msgspec.json.encode(self).decode()}
-
-    @classmethod
-    def from_metadata(cls, metadata: Mapping[str, str]) -> IncidentSettings:
-        """Return the settings a recording was made with; ``ValueError`` if it does not say."""
-        try:
-            return msgspec.json.decode(metadata["incident_settings"], type=cls)
-        except KeyError:
-            raise ValueError("does not say its settings; give one that a post made") from None
-        except msgspec.MsgspecError as error:
-            raise ValueError(f"its settings cannot be used: {error}") from error
 
 
 class Notice(NamedTuple):

@@ -88,7 +88,7 @@ def kml_of(material: Material, origin: Origin) -> bytes:
 
 
 def _lines(material: Material, origin: Origin) -> Iterator[_Line]:
-    for (name, kind), stances in material.tracks().items():
+    for (name, kind), stances in material.tracks.items():
         kept = _thinned(stances)
         yield _Line(name, kind, [each.time_ns for each in kept], geodetic(kept, origin))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from typing import Literal, NamedTuple, TypeAlias
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from command_post.floors import Floor, floors_of
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards
-from command_post.incident import IncidentSettings
+from command_post.incident_settings import IncidentSettings
 from command_post.review.past import Past
 from command_post.review.timeline import Timeline, timeline_of
 from shared.geodesy import Origin
@@ -43,30 +44,29 @@ class Stance(NamedTuple):
 
 
 class Material(NamedTuple):
-    """A recording, read for export. ``stances`` are by responder, kind and time."""
+    """A recording, read for export. ``tracks`` are by responder and kind, in the order of time."""
 
     timeline: Timeline
     settings: IncidentSettings
     metadata: dict[str, str]
-    stances: list[Stance]
+    tracks: dict[tuple[NodeId, Kind], list[Stance]]
     daps: dict[NodeId, InstalledDap]
     floors: list[Floor]
+
+    @property
+    def stances(self) -> list[Stance]:
+        """All of all tracks, one track after another."""
+        return [each for track in self.tracks.values() for each in track]
 
     def level(self, down_m: float) -> int:
         """Return the storey that a height is of."""
         return min(self.floors, key=lambda each: abs(each.down_m - down_m)).level
 
-    def tracks(self) -> dict[tuple[NodeId, Kind], list[Stance]]:
-        """Return everybody's stances in the order of time."""
-        found: dict[tuple[NodeId, Kind], list[Stance]] = {}
-        for each in self.stances:
-            found.setdefault((each.responder_id, each.kind), []).append(each)
-        return found
-
     def where(self, responder_id: NodeId, time_ns: int) -> Stance | None:
-        """Return where somebody was held to be at a time, as it was last known then."""
-        track = self.tracks().get((responder_id, "live"), [])
-        return next((each for each in reversed(track) if each.time_ns <= time_ns), None)
+        """Return where somebody is held to have been at a time; ``None`` before they came."""
+        track = self.tracks.get((responder_id, "live"), [])
+        row = bisect_right(track, time_ns, key=lambda each: each.time_ns) - 1
+        return None if row < 0 else track[row]
 
 
 def material_of(past: Past, afterwards: Afterwards | None = None) -> Material:
@@ -75,15 +75,17 @@ def material_of(past: Past, afterwards: Afterwards | None = None) -> Material:
     stances = live if afterwards is None else [*live, *_smoothed(afterwards)]
     # What is told of a moment again is better known; and what is told of it last is kept.
     newest = {(each.responder_id, each.kind, each.time_ns): each for each in stances}
-    ordered = sorted(newest.values(), key=lambda each: (each[1], each[0], each[2]))
+    tracks: dict[tuple[NodeId, Kind], list[Stance]] = {}
+    for each in sorted(newest.values(), key=lambda each: (each[1], each[0], each[2])):
+        tracks.setdefault((each.responder_id, each.kind), []).append(each)
     standing = past.course.at(past.end_ns)
     return Material(
         timeline=timeline_of(past),
         settings=past.settings,
         metadata=dict(past.recording.metadata),
-        stances=ordered,
+        tracks=tracks,
         daps=dict(sorted(standing.daps.items())),
-        floors=floors_of(each.floor_down_m for each in ordered if each.kind == "live"),
+        floors=floors_of(each.floor_down_m for each in live),
     )
 
 

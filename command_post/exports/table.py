@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from command_post.confidence import radii95_m
 from command_post.exports.material import Material, Stance, geodetic, iso
@@ -29,17 +29,18 @@ def csv_of(material: Material, origin: Origin | None) -> bytes:
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow([*COLUMNS, *(() if origin is None else ON_EARTH)])
     bearing_deg = 0.0 if origin is None else origin.bearing_deg
-    rows = (_row(each, material, bearing_deg) for each in material.stances)
-    for row, place in zip(rows, _places(material, origin), strict=True):
+    stances = material.stances
+    rows = (_row(each, material, bearing_deg) for each in stances)
+    for row, place in zip(rows, _places(stances, origin), strict=True):
         writer.writerow([*row, *place])
     return text.getvalue().encode()
 
 
-def _places(material: Material, origin: Origin | None) -> Iterator[list[str]]:
+def _places(stances: Sequence[Stance], origin: Origin | None) -> Iterator[list[str]]:
     if origin is None:
-        yield from ([] for _ in material.stances)
+        yield from ([] for _ in stances)
         return
-    for latitude, longitude, height in geodetic(material.stances, origin).tolist():
+    for latitude, longitude, height in geodetic(stances, origin).tolist():
         yield [f"{latitude:.8f}", f"{longitude:.8f}", f"{height:.2f}"]
 
 

@@ -17,7 +17,7 @@ import msgspec
 from command_post.floors import floors_of
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
-from command_post.incident import IncidentSettings
+from command_post.incident_settings import IncidentSettings
 from command_post.orders import Orders
 from command_post.review.standing import MADE, RARE, Course, Happened, Standing
 from command_post.review.tracks import Told, TrackBook

@@ -25,13 +25,17 @@ class Step(msgspec.Struct, frozen=True):
 
 
 class Mark(msgspec.Struct, frozen=True):
-    """An alert or an order: when it came (s since the beginning), and all that became of it."""
+    """An alert or an order: when it came (s since the beginning), and all that became of it.
+
+    ``awaited`` are those who have never acknowledged an order.
+    """
 
     at_s: float
     kind: str
     node_id: NodeId
     words: str
     steps: tuple[Step, ...] = ()
+    awaited: tuple[NodeId, ...] = ()
 
 
 class Gap(msgspec.Struct, frozen=True):
@@ -76,7 +80,7 @@ def marks_of(happened: Iterable[Happened], begin_ns: int) -> list[Mark]:
     alerts: dict[int, list[Alert]] = {}
     asked: list[tuple[Happened, OrderRequest]] = []
     issued: dict[int, Order] = {}
-    refused: dict[tuple[NodeId, int], str] = {}
+    answers: dict[tuple[NodeId, int], OrderAnswer] = {}
     replies: dict[int, list[tuple[Happened, OrderReply]]] = {}
     for each in happened:
         match each.message:
@@ -86,16 +90,16 @@ def marks_of(happened: Iterable[Happened], begin_ns: int) -> list[Mark]:
                 asked.append((each, request))
             case Order() as order:
                 issued[each.at_ns] = order
-            case OrderAnswer(refusal=str() as why) as answer:
-                refused[answer.commander_id, answer.request_sequence] = why
+            case OrderAnswer() as answer:
+                answers[answer.commander_id, answer.request_sequence] = answer
             case OrderReply() as reply:
                 replies.setdefault(reply.order_sequence, []).append((each, reply))
     marks = [_of_alert(stages, begin_ns) for stages in alerts.values()]
     for each, request in asked:
         order_now = issued.get(each.at_ns)
-        why = refused.get((each.key.node_id, request.sequence), "")
+        told = answers.get((each.key.node_id, request.sequence))
         heard = replies.get(order_now.sequence, []) if order_now is not None else []
-        marks.append(_of_order(each, request, why, heard, begin_ns))
+        marks.append(_of_order(each, request, told, heard, begin_ns))
     return sorted(marks, key=lambda each: each.at_s)
 
 
@@ -127,18 +131,22 @@ def _of_alert(stages: list[Alert], begin_ns: int) -> Mark:
 def _of_order(
     asked: Happened,
     request: OrderRequest,
-    refused: str,
+    answer: OrderAnswer | None,
     replies: Iterable[tuple[Happened, OrderReply]],
     begin_ns: int,
 ) -> Mark:
     at_s = _since(asked.at_ns, begin_ns)
+    refused = "" if answer is None else answer.refusal or ""
     steps = [Step(at_s, "refused" if refused else "ordered", asked.key.node_id)]
     steps += [
         Step(_since(each.at_ns, begin_ns), reply.stage, each.key.node_id) for each, reply in replies
     ]
     told = [request.text, f"to {', '.join(request.to) or 'everybody'}", refused]
     words = "; ".join(each for each in told if each)
-    return Mark(at_s, request.kind, asked.key.node_id, words, tuple(steps))
+    done = {step.by for step in steps if step.stage == "acknowledged"}
+    waited_for = () if answer is None or request.kind == "withdraw" else answer.waited_for
+    awaited = tuple(each for each in waited_for if each not in done)
+    return Mark(at_s, request.kind, asked.key.node_id, words, tuple(steps), awaited)
 
 
 def _faults(past: Past) -> Iterator[str]:

@@ -10,10 +10,9 @@ from array import array
 from bisect import bisect_right
 from typing import NamedTuple
 
-from command_post.ways import Point
 from command_post.web.board import TRAIL_POINTS, TRAIL_SPACING_M
 from shared.mcap_index import Spot
-from shared.messages import NodeId
+from shared.messages import NodeId, Vector3
 
 
 class Told(NamedTuple):
@@ -29,7 +28,7 @@ class TrackBook:
     def __init__(self) -> None:
         self._of: dict[NodeId, _Responder] = {}
 
-    def add(self, responder_id: NodeId, at_ns: int, place_m: Point, spot: Spot) -> None:
+    def add(self, responder_id: NodeId, at_ns: int, place_m: Vector3, spot: Spot) -> None:
         """Take in an estimate. A clock that was set back is taken to have stood still."""
         known = self._of.get(responder_id)
         if known is None:
@@ -41,7 +40,7 @@ class TrackBook:
         found = ((name, each.newest(at_ns)) for name, each in list(self._of.items()))
         return {name: told for name, told in found if told is not None}
 
-    def trails(self, at_ns: int) -> dict[NodeId, list[Point]]:
+    def trails(self, at_ns: int) -> dict[NodeId, list[Vector3]]:
         """Return the ways behind all responders as the page showed them at ``at_ns``."""
         found = ((name, each.trail(at_ns)) for name, each in list(self._of.items()))
         return {name: trail for name, trail in found if trail}
@@ -58,9 +57,9 @@ class _Responder:
         self._chunk = array("q")
         self._offset = array("q")
         self._trail_ns = array("q")
-        self._trail_m: list[Point] = []
+        self._trail_m: list[Vector3] = []
 
-    def add(self, at_ns: int, place_m: Point, spot: Spot) -> None:
+    def add(self, at_ns: int, place_m: Vector3, spot: Spot) -> None:
         at_ns = max(at_ns, self._at_ns[-1]) if self._at_ns else at_ns
         if not self._trail_m or _apart_m(place_m, self._trail_m[-1]) >= TRAIL_SPACING_M:
             self._trail_m.append(place_m)
@@ -75,10 +74,10 @@ class _Responder:
             return None
         return Told(self._at_ns[row], Spot(self._chunk[row], self._offset[row]))
 
-    def trail(self, at_ns: int) -> list[Point]:
+    def trail(self, at_ns: int) -> list[Vector3]:
         end = bisect_right(self._trail_ns, at_ns)
         return self._trail_m[max(end - TRAIL_POINTS, 0) : end]
 
 
-def _apart_m(one: Point, other: Point) -> float:
+def _apart_m(one: Vector3, other: Vector3) -> float:
     return max(abs(one[0] - other[0]), abs(one[1] - other[1]), abs(one[2] - other[2]))

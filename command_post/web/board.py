@@ -18,9 +18,8 @@ from command_post.coverage import Coverage, Site
 from command_post.floors import Floor, floors_of
 from command_post.roster import DapRow, ResponderRow, Roster
 from command_post.roster_json import roster_json
-from command_post.ways import Point
 from shared.codec import Refusal, decode, parse_key
-from shared.messages import Alert, NodeId, OrderAnswer, Outline, TrackEstimate, TrackStatus
+from shared.messages import Alert, NodeId, OrderAnswer, Outline, TrackEstimate, TrackStatus, Vector3
 from shared.units import NS_PER_S
 
 SILENCE_S = 20.0
@@ -75,7 +74,7 @@ class Changes(msgspec.Struct, frozen=True, omit_defaults=True):
     roster: msgspec.Raw | None = None
     floors: list[Floor] | None = None
     sites: list[Site] | None = None
-    trails: dict[NodeId, list[Point]] | None = None
+    trails: dict[NodeId, list[Vector3]] | None = None
 
 
 class Board:
@@ -89,7 +88,7 @@ class Board:
         self._now_ns = 0
         self._told: dict[NodeId, _Told] = {}
         self._tracks: dict[NodeId, tuple[int, TrackView]] = {}
-        self._trails: dict[NodeId, deque[Point]] = {}
+        self._trails: dict[NodeId, deque[Vector3]] = {}
         self._alerts: dict[int, tuple[int, Alert]] = {}
         self._answers: deque[tuple[int, OrderAnswer]] = deque(maxlen=MOST_ANSWERS)
         self.daps: tuple[DapRow, ...] = ()
@@ -169,7 +168,7 @@ class Board:
             way.append(place)
 
 
-def _place(view: TrackView) -> Point:
+def _place(view: TrackView) -> Vector3:
     return (view.north_m, view.east_m, view.down_m)
 
 

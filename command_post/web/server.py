@@ -12,10 +12,10 @@ from command_post.listening import Address, listening_address
 from command_post.web.app import Site, make_app
 from command_post.web.page import Page
 from command_post.web.people import LOCAL_NAME, Door, Person, load_people
-from command_post.web.serving import LOCAL_NAMES, served
+from command_post.web.serving import LOCAL_NAMES, ServerKeys, served
 from shared.geodesy import Origin
 from shared.messages import NodeId
-from shared.security.bundle import Bundle
+from shared.security.bundle import CERTIFICATE_FILE, KEY_FILE, Bundle
 
 
 def page_address(text: str, bundle: Bundle | None, people: Path | None) -> Address:
@@ -57,13 +57,19 @@ def page_served(
     site = Site(incident, post_id, page, door, secure=secure, hosts=hosts, origin=origin)
     stop = threading.Event()
     keeper = threading.Thread(target=page.keep_up, args=(stop,), name="page-keeper")
-    with served(lambda ends: make_app(site, ends), address, bundle if secure else None):
+    with served(lambda ends: make_app(site, ends), address, _keys(bundle) if secure else None):
         keeper.start()
         try:
             yield page
         finally:
             stop.set()
             keeper.join()
+
+
+def _keys(bundle: Bundle | None) -> ServerKeys | None:
+    if bundle is None:
+        return None
+    return ServerKeys(bundle.path(CERTIFICATE_FILE), bundle.path(KEY_FILE))
 
 
 def _named(path: Path, post_id: NodeId) -> dict[NodeId, Person]:

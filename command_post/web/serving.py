@@ -6,14 +6,13 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import structlog
 import uvicorn
 from starlette.applications import Starlette
 
 from command_post.listening import Address
-from shared.security.bundle import CERTIFICATE_FILE, KEY_FILE, Bundle
 
 GOODBYE_S = 1
 """Whoever is being answered has so long, once the server stops."""
@@ -27,24 +26,32 @@ LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 Ends: TypeAlias = Callable[[], bool]
 """Says whether the server is to stop."""
 
+
+class ServerKeys(NamedTuple):
+    """The files (PEM) of what a server is known by."""
+
+    certificate: str
+    key: str
+
+
 _log = structlog.stdlib.get_logger(__name__)
 
 
 @contextmanager
 def served(
-    app_of: Callable[[Ends], Starlette], address: Address, bundle: Bundle | None
+    app_of: Callable[[Ends], Starlette], address: Address, keys: ServerKeys | None
 ) -> Iterator[str]:
     """Serve what ``app_of`` returns at ``address`` until the block ends, and give its URL.
 
-    It is encrypted by ``bundle``, if there is one. Raises ``OSError`` if nobody can listen there.
+    It is encrypted by ``keys``, if there are any. Raises ``OSError`` if nobody can listen there.
     """
     listening = _listen(address)
-    server = _server(app_of, bundle)
+    server = _server(app_of, keys)
     thread = threading.Thread(target=server.run, args=([listening],), name="page")
     thread.start()
     port = listening.getsockname()[1]
     host = f"[{address.host}]" if ":" in address.host else address.host
-    scheme = "http" if bundle is None else "https"
+    scheme = "http" if keys is None else "https"
     url = f"{scheme}://{host}:{port}/"
     _log.info("the page is served", url=url)
     try:
@@ -68,7 +75,7 @@ def _listen(address: Address) -> socket.socket:
     return listening
 
 
-def _server(app_of: Callable[[Ends], Starlette], bundle: Bundle | None) -> uvicorn.Server:
+def _server(app_of: Callable[[Ends], Starlette], keys: ServerKeys | None) -> uvicorn.Server:
     server: uvicorn.Server | None = None
     app = app_of(lambda: server is not None and server.should_exit)
     server = uvicorn.Server(
@@ -80,8 +87,8 @@ def _server(app_of: Callable[[Ends], Starlette], bundle: Bundle | None) -> uvico
             server_header=False,
             limit_concurrency=MOST_CONNECTIONS,
             timeout_graceful_shutdown=GOODBYE_S,
-            ssl_certfile=None if bundle is None else bundle.path(CERTIFICATE_FILE),
-            ssl_keyfile=None if bundle is None else bundle.path(KEY_FILE),
+            ssl_certfile=None if keys is None else keys.certificate,
+            ssl_keyfile=None if keys is None else keys.key,
         )
     )
     return server

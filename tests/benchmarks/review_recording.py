@@ -20,7 +20,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from command_post.incident import IncidentSettings
+from command_post.incident_settings import IncidentSettings
 from command_post.recording_file import RecordingFile
 from command_post.recording_mirror import Mirror
 from shared.codec import encode

@@ -108,6 +108,7 @@ def test_the_time_line_says_what_happened_when_and_by_whom(past: Past) -> None:
     assert {(step.stage, step.by) for step in evacuate.steps[1:]} == {
         ("acknowledged", "r1"), ("acknowledged", "r3")
     }  # fmt: skip
+    assert (mayday.awaited, evacuate.awaited) == ((), ("r2",))
     (gap,) = line.gaps
     assert SILENT_FROM_S - 1.0 <= gap.from_s <= SILENT_FROM_S
     assert SILENT_TO_S <= gap.to_s <= SILENT_TO_S + 1.0

@@ -178,6 +178,7 @@ export class Review {
       const by = step.by ? ` ${word("by")} ${step.by}` : "";
       return `${this.#clock(step.at_s)} ${word(step.stage)}${step.to ? ` ${step.to}` : ""}${by}`;
     });
+    if (mark.awaited.length) steps.push(`${word("not_acknowledged")}: ${mark.awaited.join(", ")}`);
     return [`${this.#clock(mark.at_s)} ${word(mark.kind)}: ${mark.node_id}. ${mark.words}`, ...steps].join("; ");
   }
 }

@@ -1,0 +1,79 @@
+"""``command-post export``: a recording for other programs, and a report of it for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import structlog
+
+from command_post.commands.afterwards import smoothed
+from command_post.exports.formats import FORMATS, NEEDS_ORIGIN, exported
+from command_post.exports.material import material_of
+from command_post.review.past import Past
+from shared.config import ConfigError
+from shared.files import replace_atomically
+from shared.geodesy import Origin, parse_origin
+from shared.mcap_index import IndexedRecording
+from shared.mcap_reader import RecordingError
+from shared.process import ExitCode
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+def export(
+    *files: Path,
+    output: list[Path],
+    origin: str | None = None,
+    afterwards: bool = False,
+) -> int:
+    """Write what a recording shows: tracks, alerts, orders, or a report of it all.
+
+    The name's ending says how: .csv (tracks), .geojson and .kml (tracks, alerts, access points),
+    .html (a report to be printed). Example: command-post export incident.mcap --output report.html
+
+    Parameters
+    ----------
+    files
+        A recording: .mcap, or the .mcap.part that a killed post leaves; or all its parts in order.
+    output
+        What to write; may be given several times. A file that is there is replaced.
+    origin
+        Where the incident's origin is: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], as of 'run'.
+    afterwards
+        Also tell everybody's way as it is smoothed with all that is known by the end.
+
+    """
+    try:
+        place = _checked(files, output, origin)
+        found = smoothed(files[0]) if afterwards else None
+        with IndexedRecording(files) as recording:
+            material = material_of(Past(recording), found)
+        for path in output:
+            content = exported(path.suffix, material, files, place)
+            with replace_atomically(path) as file:
+                file.write(content)
+    except (RecordingError, ConfigError, ValueError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE
+    except OSError as error:
+        _log.error(f"{error.filename}: cannot be written ({error.strerror})")
+        return ExitCode.FAILURE
+    if material.timeline.faults:
+        _log.warning(f"{files[0]}: not whole", why=material.timeline.faults)
+    return ExitCode.OK
+
+
+def _checked(files: Sequence[Path], output: Sequence[Path], origin: str | None) -> Origin | None:
+    """Return where the incident is; ``ValueError`` for what cannot be done, before it is begun."""
+    if not files:
+        raise ValueError("name a recording, as in: command-post export a.mcap --output a.csv")
+    place = None if origin is None else parse_origin(origin)
+    for path in output:
+        if path.suffix not in FORMATS:
+            raise ValueError(f"--output {path}: let it end with {', '.join(FORMATS)}")
+        if path.suffix in NEEDS_ORIGIN and place is None:
+            raise ValueError(
+                f"--output {path}: needs --origin LATITUDE,LONGITUDE: it tells places on the Earth"
+            )
+    return place

@@ -1,0 +1,44 @@
+"""Which formats a recording is exported to, by the endings of their files' names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from command_post.exports.maps import geojson_of, kml_of
+from command_post.exports.material import Material
+from command_post.exports.report import report_of
+from command_post.exports.table import csv_of
+from shared.geodesy import Origin
+
+FORMATS: dict[str, str] = {
+    ".csv": "text/csv",
+    ".geojson": "application/geo+json",
+    ".kml": "application/vnd.google-earth.kml+xml",
+    ".html": "text/html",
+}
+"""Media types, by ending."""
+
+NEEDS_ORIGIN = frozenset({".geojson", ".kml"})
+
+
+def exported(
+    ending: str, material: Material, files: Sequence[Path], origin: Origin | None
+) -> bytes:
+    """Return a recording, read from ``files``, in the format of ``ending``.
+
+    Raises ``ValueError`` for an ending that is none of ``FORMATS``, or that needs an origin.
+    """
+    if ending in NEEDS_ORIGIN and origin is None:
+        raise ValueError(f"{ending}: needs to know where on the Earth the incident was")
+    match ending:
+        case ".csv":
+            return csv_of(material, origin)
+        case ".geojson" if origin is not None:
+            return geojson_of(material, origin)
+        case ".kml" if origin is not None:
+            return kml_of(material, origin)
+        case ".html":
+            return report_of(material, files)
+        case _:
+            raise ValueError(f"{ending!r}: use one of {', '.join(FORMATS)}")
