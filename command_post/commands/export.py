@@ -17,12 +17,14 @@ from shared.geodesy import Origin, parse_origin
 from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import RecordingError
 from shared.process import ExitCode
+from shared.recording_parts import parts_of
 
 _log = structlog.stdlib.get_logger(__name__)
 
 
 def export(
-    *files: Path,
+    file: Path,
+    *,
     output: list[Path],
     origin: str | None = None,
     afterwards: bool = False,
@@ -34,8 +36,9 @@ def export(
 
     Parameters
     ----------
-    files
-        A recording: .mcap, or the .mcap.part that a killed post leaves; or all its parts in order.
+    file
+        A recording: .mcap, or the .mcap.part that a killed post leaves; of several parts the
+        first, or their folder.
     output
         What to write; may be given several times. A file that is there is replaced.
     origin
@@ -45,14 +48,14 @@ def export(
 
     """
     try:
-        place = _checked(files, output, origin)
-        found = smoothed(files[0]) if afterwards else None
-        with IndexedRecording(files) as recording:
+        place = _checked(output, origin)
+        found = smoothed(file) if afterwards else None
+        with IndexedRecording([part.path for part in parts_of(file)]) as recording:
             material = material_of(Past(recording), found)
         for path in output:
-            content = exported(path.suffix, material, files, place)
-            with replace_atomically(path) as file:
-                file.write(content)
+            content = exported(path.suffix, material, file, place)
+            with replace_atomically(path) as written:
+                written.write(content)
     except (RecordingError, ConfigError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
@@ -60,14 +63,12 @@ def export(
         _log.error(f"{error.filename}: cannot be written ({error.strerror})")
         return ExitCode.FAILURE
     if material.timeline.faults:
-        _log.warning(f"{files[0]}: not whole", why=material.timeline.faults)
+        _log.warning(f"{file}: not whole", why=material.timeline.faults)
     return ExitCode.OK
 
 
-def _checked(files: Sequence[Path], output: Sequence[Path], origin: str | None) -> Origin | None:
+def _checked(output: Sequence[Path], origin: str | None) -> Origin | None:
     """Return where the incident is; ``ValueError`` for what cannot be done, before it is begun."""
-    if not files:
-        raise ValueError("name a recording, as in: command-post export a.mcap --output a.csv")
     place = None if origin is None else parse_origin(origin)
     for path in output:
         if path.suffix not in FORMATS:

@@ -21,29 +21,27 @@ from shared.recording_parts import parts_of
 _log = structlog.stdlib.get_logger(__name__)
 
 
-def review(*files: Path, page: str = "127.0.0.1:8080") -> int:
+def review(file: Path, *, page: str = "127.0.0.1:8080") -> int:
     """Show a recording in the commander's page, as it was at any moment, until SIGINT or SIGTERM.
 
     Nothing in it can be ordered or dealt with. Example: command-post review incident.mcap
 
     Parameters
     ----------
-    files
+    file
         A recording: .mcap, or the .mcap.part that a killed post leaves; of several parts the
-        first, or their folder; or all of them in order.
+        first, or their folder.
     page
         HOST:PORT of this machine where a browser finds it.
 
     """
     try:
         address = _address(page)
-        if not files:
-            raise ValueError("name a recording, as in: command-post review incident.mcap")
-        parts = files if len(files) > 1 else [part.path for part in parts_of(files[0])]
+        parts = [part.path for part in parts_of(file)]
         with stop_on_signals() as stop, IndexedRecording(parts) as recording:
             past = Past(recording)
             if not recording.finished or recording.damages:
-                _log.warning(f"{files[0]}: not whole: 'command-post verify' says what is missing")
+                _log.warning(f"{file}: not whole: 'command-post verify' says what is missing")
             with _read_aside(past), served(lambda ends: make_review_app(past, ends), address, None):
                 stop.wait()
     except (RecordingError, ValueError, OSError) as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from command_post.exports.maps import geojson_of, kml_of
@@ -22,10 +21,8 @@ FORMATS: dict[str, str] = {
 NEEDS_ORIGIN = frozenset({".geojson", ".kml"})
 
 
-def exported(
-    ending: str, material: Material, files: Sequence[Path], origin: Origin | None
-) -> bytes:
-    """Return a recording, read from ``files``, in the format of ``ending``.
+def exported(ending: str, material: Material, file: Path, origin: Origin | None) -> bytes:
+    """Return a recording, read from ``file``, in the format of ``ending``.
 
     Raises ``ValueError`` for an ending that is none of ``FORMATS``, or that needs an origin.
     """
@@ -39,6 +36,6 @@ def exported(
         case ".kml" if origin is not None:
             return kml_of(material, origin)
         case ".html":
-            return report_of(material, files)
+            return report_of(material, file)
         case _:
             raise ValueError(f"{ending!r}: use one of {', '.join(FORMATS)}")

@@ -28,12 +28,12 @@ pre{white-space:pre-wrap}
 """
 
 
-def report_of(material: Material, files: Sequence[Path]) -> bytes:
-    """Return the report of a recording that was read from ``files``, which are read once more.
+def report_of(material: Material, file: Path) -> bytes:
+    """Return the report of a recording that was read from ``file``, which is read once more.
 
     Raises ``RecordingError`` if that cannot be.
     """
-    verified = [verify_recording(path) for path in files]
+    verified = verify_recording(file)
     line = material.timeline
     end_ns = line.begin_ns + round(line.length_s * NS_PER_S)
     title = f"Incident {material.settings.incident}"
@@ -60,9 +60,8 @@ def report_of(material: Material, files: Sequence[Path]) -> bytes:
     return "\n".join([*lines, ""]).encode()
 
 
-def _record(verified: Sequence[Verification], material: Material) -> Iterator[str]:
-    whole = all(each.whole for each in verified) and not material.timeline.faults
-    if whole:
+def _record(verified: Verification, material: Material) -> Iterator[str]:
+    if verified.whole and not material.timeline.faults:
         yield "<p>The record is whole: nothing is missing, repeated or out of order.</p>"
     else:
         yield '<p class="bad">The record is not whole; see Evidence.</p>'
@@ -155,22 +154,23 @@ def _gaps(material: Material) -> str:
     return _list([*told, *line.faults]) if told or line.faults else "<p>None.</p>"
 
 
-def _evidence(verified: Sequence[Verification], material: Material) -> Iterator[str]:
-    for each in verified:
-        journals = [
-            f"{one.role} {one.node_id}: {one.last_number} numbered, {one.missing} missing"
-            for one in each.journals
-            if one.missing
+def _evidence(verified: Verification, material: Material) -> Iterator[str]:
+    journals = [
+        f"{one.role} {one.node_id}: {one.last_number} numbered, {one.missing} missing"
+        for one in verified.journals
+        if one.missing
+    ]
+    counts, made = (
+        ", ".join(f"{count} {topic}" for topic, count in each.items())
+        for each in (verified.received, verified.made)
+    )
+    files = [f"file {one.name}, sha256 {one.sha256}" for one in verified.files]
+    yield _list(
+        [
+            *files, f"messages, sha256 {verified.messages_sha256}", f"received: {counts}",
+            f"made of it: {made}", verified.reading, *journals,
         ]
-        counts = ", ".join(f"{count} {topic}" for topic, count in each.received.items())
-        made = ", ".join(f"{count} {topic}" for topic, count in each.made.items())
-        yield _list(
-            [
-                f"file {Path(each.path).name}, sha256 {each.file_sha256}",
-                f"its messages, sha256 {each.messages_sha256}",
-                f"received: {counts}", f"made of it: {made}", each.reading, *journals,
-            ]
-        )  # fmt: skip
+    )  # fmt: skip
     metadata = material.metadata
     fusion = material.settings.fusion
     settings = msgspec.json.format(msgspec.json.encode(fusion)).decode()

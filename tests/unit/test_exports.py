@@ -91,7 +91,7 @@ def test_kml_has_tracks_with_as_many_times_as_places(material: Material) -> None
 
 
 def test_the_report_says_what_happened_and_stands_by_itself(material: Material, path: Path) -> None:
-    report = report_of(material, [path]).decode()
+    report = report_of(material, path).decode()
     for words in (
         "00:01:05 acknowledged by kim (after 5 s)", "00:01:30 resolved by kim (after 30 s)",
         "00:02:03 acknowledged by r1 (after 3 s)", "north door; to everybody",
@@ -109,16 +109,16 @@ def test_words_of_others_are_no_markup(material: Material, path: Path) -> None:
     (mayday, *others) = material.timeline.marks
     hostile = msgspec.structs.replace(mayday, words="<script>alert(1)</script>")
     line = msgspec.structs.replace(material.timeline, marks=[hostile, *others])
-    assert b"<script" not in report_of(material._replace(timeline=line), [path])
+    assert b"<script" not in report_of(material._replace(timeline=line), path)
 
 
 def test_an_ending_that_is_none_and_a_place_that_is_missing_are_refused(
     material: Material, path: Path
 ) -> None:
     with pytest.raises(ValueError, match="where on the Earth"):
-        exported(".kml", material, [path], None)
+        exported(".kml", material, path, None)
     with pytest.raises(ValueError, match="use one of"):
-        exported(".doc", material, [path], None)
+        exported(".doc", material, path, None)
 
 
 def test_the_command_writes_all_or_refuses_before(path: Path, tmp_path: Path) -> None:
