@@ -1,7 +1,7 @@
-"""A phone that is carried, as a source: it sends what it reads over HTTP(S), and the agent listens.
+"""A phone that is carried, as a source: it sends what it reads, and the agent listens.
 
-A phone comes by our page, which sends the browser's DeviceMotion, or by the app 'Sensor Logger' and
-its HTTP push. Both are served under a path that nobody can guess and that is told as the source
+A phone comes by our page, which sends the browser's DeviceMotion over a WebSocket, or by the app
+'Sensor Logger' and its HTTP push. Both are served under a path that nobody can guess and that is told as the source
 opens, so that nobody else tells of the wearer.
 """
 
@@ -12,6 +12,7 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from importlib.resources import files
 
 import structlog
@@ -19,7 +20,8 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
-from starlette.routing import Route
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from edge_agent.sources.phone_stream import PhoneStream, decoded
 from edge_agent.sources.reading import Quiet, Reading, Source
@@ -39,6 +41,11 @@ QUIET_S = 0.25
 HIGHEST_PORT = 65_535
 EVERYWHERE = frozenset({"0.0.0.0", "::"})  # noqa: S104
 GOODBYE_S = 1
+NOT_UNDERSTOOD, TRY_AGAIN = 1007, 1013
+"""Why a WebSocket is closed (RFC 6455, section 7.4, and its register)."""
+
+TAKEN = "taken"
+"""The answer to each of a WebSocket's messages: what is not answered is to be sent again."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -83,12 +90,18 @@ class PhoneServer:
 
     def _config(self) -> uvicorn.Config:
         path = "/" + self.url.split("/", 3)[3]
-        routes = [Route(path, _page), Route(f"{path}push", self._take, methods=["POST"])]
+        routes = [
+            Route(path, _page),
+            Route(f"{path}push", self._push, methods=["POST"]),
+            WebSocketRoute(f"{path}stream", self._stream_on),
+        ]
         return uvicorn.Config(
             Starlette(routes=routes),
             log_config=None,
             access_log=False,
             lifespan="off",
+            ws="websockets-sansio",
+            ws_max_size=MOST_BYTES,
             server_header=False,
             timeout_graceful_shutdown=GOODBYE_S,
             ssl_certfile=None if self._bundle is None else self._bundle.path(CERTIFICATE_FILE),
@@ -101,16 +114,9 @@ class PhoneServer:
         if abs(newest_ns + self._ahead_ns - now_ns) > ASTRAY_NS:
             self._ahead_ns = now_ns - newest_ns
 
-    async def _take(self, request: Request) -> Response:
-        body = bytearray()
-        async for part in request.stream():
-            body += part
-            if len(body) > MOST_BYTES:
-                return PlainTextResponse("too much at once: send it more often", 413)
-        try:
-            push = decoded(bytes(body))
-        except ValueError as error:
-            return PlainTextResponse(str(error), 400)
+    def _take(self, body: bytes | str) -> None:
+        """Take in a message; ``ValueError`` if it is none, ``queue.Full`` if there is no room."""
+        push = decoded(body)
         if push.payload:
             self._set_clock(max(reading.time for reading in push.payload))
         for sample in self._stream.take(push):
@@ -120,11 +126,36 @@ class PhoneServer:
                 sample.rate_rad_s,
                 sample.field_ut,
             )
-            try:
-                self._samples.put_nowait(moved)
-            except queue.Full:
-                return PlainTextResponse("the agent is too slow: try again", 503)
+            self._samples.put_nowait(moved)
+
+    async def _push(self, request: Request) -> Response:
+        body = bytearray()
+        async for part in request.stream():
+            body += part
+            if len(body) > MOST_BYTES:
+                return PlainTextResponse("too much at once: send it more often", 413)
+        try:
+            self._take(bytes(body))
+        except ValueError as error:
+            return PlainTextResponse(str(error), 400)
+        except queue.Full:
+            return PlainTextResponse("the agent is too slow: try again", 503)
         return PlainTextResponse("")
+
+    async def _stream_on(self, phone: WebSocket) -> None:
+        """Take messages until the phone hangs up, and answer each once it is taken."""
+        await phone.accept()
+        while (said := await phone.receive())["type"] == "websocket.receive":
+            try:
+                self._take(said.get("text") or said.get("bytes") or b"")
+            except ValueError:
+                await phone.close(NOT_UNDERSTOOD, "not a phone's message")
+                return
+            except queue.Full:
+                await phone.close(TRY_AGAIN, "the agent is too slow: try again")
+                return
+            with suppress(WebSocketDisconnect):
+                await phone.send_text(TAKEN)
 
 
 def open_phone(where: str, now_ns: Callable[[], int], bundle: Bundle | None) -> Source:

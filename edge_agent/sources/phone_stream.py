@@ -108,7 +108,7 @@ class PhoneStream:
         return own_ns < next_ns and newest_ns - own_ns < PATIENCE_NS
 
 
-def decoded(body: bytes) -> PhonePush:
+def decoded(body: bytes | str) -> PhonePush:
     """Return the message in ``body``; raise ``ValueError`` if it is none."""
     try:
         return msgspec.json.decode(body, type=PhonePush)

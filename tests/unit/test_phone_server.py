@@ -5,9 +5,12 @@ from __future__ import annotations
 import urllib.error
 import urllib.request
 from collections.abc import Generator, Iterator
+from itertools import islice
 
 import msgspec
 import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
 
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.phone_server import PhoneServer
@@ -57,6 +60,38 @@ def test_a_walk_is_pushed_and_dated_by_our_clock(
     assert found[199].time_ns == NOW_NS - 4_000_000
     times_ns = [one.time_ns - BEGIN_NS for one in samples]
     assert [one.time_ns - found[0].time_ns for one in found[:200]] == times_ns[:200]
+
+
+def test_a_walk_is_streamed_and_each_message_answered(
+    server: PhoneServer, readings: Generator[Reading, None, None]
+) -> None:
+    samples = walk()
+    with stream(server) as phone:
+        for push in batches(samples, size=200):
+            phone.send(msgspec.json.encode(push).decode())
+            assert phone.recv(timeout=30) == "taken"
+    found = [reading for reading in islice(readings, len(samples))]
+    assert [isinstance(one, ImuSample) for one in found] == [True] * len(samples)
+
+
+def test_a_stream_of_garbage_is_closed(
+    server: PhoneServer, readings: Generator[Reading, None, None]
+) -> None:
+    for garbage in ("nonsense", b"\x00", "[]", ""):
+        with stream(server) as phone:
+            phone.send(garbage)
+            with pytest.raises(ConnectionClosed) as closed:
+                phone.recv(timeout=30)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 1007
+    with stream(server) as phone, pytest.raises(ConnectionClosed):
+        phone.send(" " * 4_100_000)
+        phone.recv(timeout=30)
+    assert isinstance(next(readings), Quiet)
+
+
+def stream(server: PhoneServer) -> ClientConnection:
+    return connect(server.url.replace("http", "ws") + "stream")
 
 
 def test_the_page_is_given_to_who_knows_its_address(
