@@ -1,8 +1,8 @@
 """A phone that is carried, as a source: it sends what it reads, and the agent listens.
 
 A phone comes by our page, which sends the browser's DeviceMotion over a WebSocket, or by the app
-'Sensor Logger' and its HTTP push. Both are served under a path that nobody can guess and that is told as the source
-opens, so that nobody else tells of the wearer.
+'Sensor Logger' and its HTTP push. Both are served under a path that nobody can guess and that is
+told as the source opens, so that nobody else tells of the wearer.
 """
 
 from __future__ import annotations

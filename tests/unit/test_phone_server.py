@@ -70,7 +70,7 @@ def test_a_walk_is_streamed_and_each_message_answered(
         for push in batches(samples, size=200):
             phone.send(msgspec.json.encode(push).decode())
             assert phone.recv(timeout=30) == "taken"
-    found = [reading for reading in islice(readings, len(samples))]
+    found = list(islice(readings, len(samples)))
     assert [isinstance(one, ImuSample) for one in found] == [True] * len(samples)
 
 
@@ -84,9 +84,10 @@ def test_a_stream_of_garbage_is_closed(
                 phone.recv(timeout=30)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == 1007
-    with stream(server) as phone, pytest.raises(ConnectionClosed):
+    with stream(server) as phone:
         phone.send(" " * 4_100_000)
-        phone.recv(timeout=30)
+        with pytest.raises(ConnectionClosed):
+            phone.recv(timeout=30)
     assert isinstance(next(readings), Quiet)
 
 
