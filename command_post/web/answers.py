@@ -6,6 +6,7 @@ from http import HTTPStatus
 from typing import Any, TypeVar
 
 import msgspec
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -39,6 +40,10 @@ async def body_of(request: Request, kind: type[T], most_bytes: int = MOST_BODY_B
 
 async def tell_refusal(_: Request, refused: Exception) -> Response:
     """Answer what was refused, and why."""
+    if isinstance(refused, HTTPException):
+        answer = json_answer({"error": refused.detail}, HTTPStatus(refused.status_code))
+        answer.headers.update(refused.headers or {})
+        return answer
     status = refused.status if isinstance(refused, RefusedError) else HTTPStatus.BAD_REQUEST
     return json_answer({"error": str(refused)}, status)
 

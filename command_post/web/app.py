@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import suppress
 from http import HTTPStatus
 from importlib.resources import files
-from typing import Annotated, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import NamedTuple, TypeAlias
 
 import msgspec
-from msgspec import Meta
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
@@ -26,17 +26,30 @@ from starlette.types import Receive, Scope, Send
 
 from command_post.web.answers import RefusedError, body_of, json_answer, tell_refusal
 from command_post.web.board import Changes
+from command_post.web.calls import (
+    CALLS,
+    PARAMETERS,
+    AlertBody,
+    Asked,
+    Call,
+    ClickBody,
+    Me,
+    Nothing,
+    OrderBody,
+    Sent,
+    SignedIn,
+    SignIn,
+)
 from command_post.web.guard import Guard
+from command_post.web.openapi import COOKIE, TOKEN_HEADER, openapi_of
 from command_post.web.page import Page
 from command_post.web.people import LOCAL_NAME, Door, Role, Session
 from shared.geodesy import Origin
 from shared.messages import (
     AlertRequest,
-    Coordinate,
     LocalPosition,
     Message,
     NodeId,
-    OrderKind,
     OrderRequest,
     PositionFix,
 )
@@ -44,43 +57,9 @@ from shared.messages import (
 TICK_S = 0.1
 """Whoever watches is told of changes so often."""
 
-COOKIE = "clew_session"
-TOKEN_HEADER = "x-clew-token"  # noqa: S105
+LONGEST_VERSION = 19
 
 Handler: TypeAlias = Callable[[Request], Awaitable[Response]]
-T = TypeVar("T", bound=msgspec.Struct)
-
-
-class SignIn(msgspec.Struct, forbid_unknown_fields=True):
-    """What a person gives to sign in."""
-
-    name: Annotated[str, Meta(max_length=64)]
-    password: Annotated[str, Meta(max_length=256)]
-
-
-class OrderBody(msgspec.Struct, forbid_unknown_fields=True):
-    """What is to be ordered, to whom; to everybody if ``to`` is empty."""
-
-    kind: OrderKind | Literal["withdraw"]
-    to: Annotated[tuple[NodeId, ...], Meta(max_length=256)] = ()
-    text: Annotated[str, Meta(max_length=200)] = ""
-
-
-class AlertBody(msgspec.Struct, forbid_unknown_fields=True):
-    """What becomes of an alert."""
-
-    stage: Literal["acknowledged", "assigned", "resolved"]
-    assigned_to: NodeId | None = None
-
-
-class ClickBody(msgspec.Struct, forbid_unknown_fields=True):
-    """Where somebody is, by a click on the map, give or take ``sd_m`` each way."""
-
-    responder_id: NodeId
-    north_m: Coordinate
-    east_m: Coordinate
-    down_m: Coordinate = 0.0
-    sd_m: Annotated[float, Meta(gt=0.0, le=1e4)] = 2.0
 
 
 class Site(NamedTuple):
@@ -109,7 +88,7 @@ def make_app(site: Site, ends: Callable[[], bool]) -> Starlette:
             Mount("/", StaticFiles(directory=str(static), html=True)),
         ],
         middleware=[Middleware(Guard, hosts=site.hosts)],
-        exception_handlers={RefusedError: tell_refusal},
+        exception_handlers={RefusedError: tell_refusal, HTTPException: tell_refusal},
     )
 
 
@@ -123,31 +102,39 @@ class _Api:
         self._local = local if site.door is None else None
 
     def routes(self) -> list[Route]:
-        return [
-            Route("/me", self.me),
-            Route("/sign-in", self.sign_in, methods=["POST"]),
-            Route("/sign-out", self.sign_out, methods=["POST"]),
-            Route("/state", self.state),
-            Route("/features.geojson", self.features),
-            Route("/ways/out/{responder_id}", self.way_out),
-            Route("/ways/rescue/{responder_id}", self.rescue),
-            Route("/events", self.events),
-            Route("/orders", self.order, methods=["POST"]),
-            Route("/alerts/{number:int}", self.alert, methods=["POST"]),
-            Route("/clicks", self.click, methods=["POST"]),
-        ]
+        return [Route(call.path, self._handler(call), methods=[call.method]) for call in CALLS]
 
-    async def me(self, request: Request) -> Response:
-        session = self._session(request)
-        told: dict[str, object] = {"incident": self._site.incident, "post": self._site.post_id}
+    def _handler(self, call: Call) -> Handler:
+        """Return what answers a call: whether it may is settled before anybody looks at it."""
+        do = getattr(self, call.name)
+
+        async def handle(request: Request) -> Response:
+            if call.role is None:
+                session = self._session(request)
+            else:
+                session = self._may(request, call.role, changes=call.method == "POST")
+            request.scope["path_params"] = _parameters(request.path_params)
+            if call.takes is None:
+                answer: Response = await do(request, session)
+            else:
+                answer = await do(request, session, await body_of(request, call.takes))
+            return answer
+
+        return handle
+
+    async def openapi(self, _: Request, __: Session | None) -> Response:
+        return json_answer(openapi_of(CALLS))
+
+    async def me(self, _: Request, session: Session | None) -> Response:
+        me = Me(self._site.incident, self._site.post_id)
         if session is not None:
-            told |= {"name": session.name, "role": session.role, "token": session.token}
-        return json_answer(told)
+            me.name, me.role, me.token = session.name, session.role, session.token
+        return json_answer(me)
 
-    async def sign_in(self, request: Request) -> Response:
-        door, given = self._site.door, await body_of(request, SignIn)
+    async def sign_in(self, _: Request, __: Session | None, given: SignIn) -> Response:
+        door = self._site.door
         if door is None:
-            return json_answer({})
+            return json_answer(SignedIn())
         entered = await asyncio.to_thread(
             door.sign_in, given.name, given.password, time.monotonic()
         )
@@ -155,61 +142,54 @@ class _Api:
             raise RefusedError(
                 HTTPStatus.FORBIDDEN, "name or password is wrong, or tried too often"
             )
-        response = json_answer({"name": entered[1].name, "role": entered[1].role})
+        secret, session = entered
+        response = json_answer(SignedIn(session.name, session.role))
         response.set_cookie(
-            COOKIE, entered[0], httponly=True, samesite="strict", secure=self._site.secure
+            COOKIE, secret, httponly=True, samesite="strict", secure=self._site.secure
         )
         return response
 
-    async def sign_out(self, request: Request) -> Response:
-        self._may(request, "viewer", changes=True)
+    async def sign_out(self, request: Request, _: Session) -> Response:
         if self._site.door is not None:
             self._site.door.sign_out(request.cookies.get(COOKIE))
-        response = json_answer({})
+        response = json_answer(Nothing())
         response.delete_cookie(COOKIE)
         return response
 
-    async def state(self, request: Request) -> Response:
-        self._may(request, "viewer")
+    async def state(self, _: Request, __: Session) -> Response:
         return json_answer(await asyncio.to_thread(self._site.page.since, 0))
 
-    async def features(self, request: Request) -> Response:
-        self._may(request, "viewer")
+    async def features(self, _: Request, __: Session) -> Response:
         if self._site.origin is None:
             why = "nobody has said where on the Earth this is: start the post with --origin"
             raise RefusedError(HTTPStatus.NOT_FOUND, why)
         collection = await asyncio.to_thread(self._site.page.features, self._site.origin)
         return json_answer(collection, media_type="application/geo+json")
 
-    async def way_out(self, request: Request) -> Response:
-        self._may(request, "viewer")
+    async def way_out(self, request: Request, _: Session) -> Response:
         responder_id = request.path_params["responder_id"]
         way = await asyncio.to_thread(self._site.page.way_out, responder_id)
         if way is None:
             raise RefusedError(HTTPStatus.NOT_FOUND, f"no way out of {responder_id} was walked")
-        return json_answer({"who": responder_id, "way": way})
+        return json_answer(Sent(responder_id, way))
 
-    async def rescue(self, request: Request) -> Response:
-        self._may(request, "viewer")
+    async def rescue(self, request: Request, _: Session) -> Response:
         responder_id = request.path_params["responder_id"]
         sent = await asyncio.to_thread(self._site.page.rescue, responder_id)
         if sent is None:
             raise RefusedError(HTTPStatus.NOT_FOUND, f"nobody's way to {responder_id} was walked")
-        return json_answer({"who": sent[0], "way": sent[1]})
+        return json_answer(Sent(*sent))
 
-    async def events(self, request: Request) -> Response:
-        self._may(request, "viewer")
-        run, _, version = request.headers.get("last-event-id", "").partition("-")
-        since = int(version) if run == self._run and version.isdecimal() else 0
+    async def events(self, request: Request, _: Session) -> Response:
+        run, version = request.headers.get("last-event-id", "").partition("-")[::2]
+        known = run == self._run and version.isdecimal() and len(version) < LONGEST_VERSION
         return Events(
-            self._stream(request, since),
+            self._stream(request, int(version) if known else 0),
             media_type="text/event-stream",
             headers={"Cache-Control": "no-store"},
         )
 
-    async def order(self, request: Request) -> Response:
-        session = self._may(request, "commander", changes=True)
-        given = await body_of(request, OrderBody)
+    async def order(self, _: Request, session: Session, given: OrderBody) -> Response:
         return self._asked(
             session,
             OrderRequest(
@@ -218,9 +198,7 @@ class _Api:
             ),
         )  # fmt: skip
 
-    async def alert(self, request: Request) -> Response:
-        session = self._may(request, "operator", changes=True)
-        given = await body_of(request, AlertBody)
+    async def alert(self, request: Request, session: Session, given: AlertBody) -> Response:
         return self._asked(
             session,
             AlertRequest(
@@ -230,9 +208,7 @@ class _Api:
             ),
         )  # fmt: skip
 
-    async def click(self, request: Request) -> Response:
-        session = self._may(request, "commander", changes=True)
-        given = await body_of(request, ClickBody)
+    async def click(self, _: Request, session: Session, given: ClickBody) -> Response:
         place = LocalPosition(
             north_m=given.north_m, east_m=given.east_m, down_m=given.down_m,
             covariance_m2=(given.sd_m**2, 0.0, given.sd_m**2),
@@ -261,8 +237,7 @@ class _Api:
 
     def _asked(self, session: Session, message: Message) -> Response:
         self._site.page.ask(session.name, message)
-        told = {"by": session.name, "sequence": message.sequence}
-        return json_answer(told, HTTPStatus.ACCEPTED)
+        return json_answer(Asked(session.name, message.sequence), HTTPStatus.ACCEPTED)
 
     def _session(self, request: Request) -> Session | None:
         if self._site.door is None:
@@ -278,6 +253,17 @@ class _Api:
         if not session.may(role):
             raise RefusedError(HTTPStatus.FORBIDDEN, f"a {session.role} may not; a {role} may")
         return session
+
+
+def _parameters(given: Mapping[str, str]) -> dict[str, object]:
+    """Return what the path names, as it must be; refuse what there cannot be."""
+    try:
+        return {
+            name: msgspec.convert(text, PARAMETERS[name], strict=False)
+            for name, text in given.items()
+        }
+    except msgspec.ValidationError as error:
+        raise RefusedError(HTTPStatus.NOT_FOUND, str(error)) from None
 
 
 class Events(StreamingResponse):

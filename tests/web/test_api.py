@@ -191,3 +191,29 @@ def test_ways_are_told_along_what_was_walked(page: Page, local: TestClient) -> N
     assert rescue["who"] == "r2"
     assert rescue["way"]["length_m"] == pytest.approx(9.5, abs=1.5)
     assert local.get("/api/v1/ways/rescue/nobody").status_code == 404
+
+
+def test_numbers_that_nobody_can_have_are_no_numbers(page: Page, local: TestClient) -> None:
+    for number in ("9" * 5000, "-1", "x", str(2**63)):
+        answer = local.post(f"/api/v1/alerts/{number}", json={"stage": "acknowledged"})
+        assert answer.status_code == 404, number
+        assert answer.json()["error"]
+    assert asked(page) == []
+
+
+def test_who_comes_back_is_told_what_has_changed_since_or_all(page: Page) -> None:
+    page.published("clew/v1/fire/post/post/track", track(1.0, 0.0))
+    rounds: list[bool] = []
+
+    def ends() -> bool:
+        rounds.append(len(rounds) % 2 == 1)
+        return rounds[-1]
+
+    site = Site("fire", "post", page, None, secure=False, hosts=frozenset({"testserver"}))
+    with TestClient(make_app(site, ends)) as client:
+        run, _, version = client.get("/api/v1/events").text.split()[1].partition("-")
+        for last, whole in ((f"{run}-{version}", False), (f"{run}-{'9' * 5000}", True),
+                            (f"other-{version}", True), ("x", True)):  # fmt: skip
+            told = client.get("/api/v1/events", headers={"last-event-id": last})
+            assert told.is_success
+            assert ('"trails"' in told.text) == whole, last
