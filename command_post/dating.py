@@ -76,6 +76,10 @@ class Dating:
         kept = [self._undated.pop(dap_id) for dap_id in tuple(self._undated)]
         return [self._dated(undated) for undated in waiting + kept]
 
+    def redate(self, event: Event) -> None:
+        """Note when a DAP is held to have been installed, other than it said."""
+        self._installed[event.key.node_id] = (event.time_ns, event.message.event_time_ns)
+
     def said_ns(self, dap_id: str, installed_ns: int) -> int:
         """Return when, on its own clock, a DAP was installed that was so at ``installed_ns``."""
         dated_ns, said_ns = self._installed.get(dap_id, (installed_ns, installed_ns))

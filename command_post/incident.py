@@ -22,6 +22,7 @@ from command_post.fusion.methods import make_fusion
 from command_post.fusion.time_line import Event, TimeLine
 from command_post.fusion.track import Estimate
 from command_post.incident_settings import IncidentSettings
+from command_post.lateness import Lateness
 from command_post.mayday_answers import MaydayAnswers
 from command_post.node_clock import KnownClock
 from command_post.orders import Orders
@@ -100,7 +101,8 @@ class Incident:
     What a node with a wrong clock says is put on the post's time line (see ``Dating``).
     """
 
-    def __init__(self, settings: IncidentSettings) -> None:
+    def __init__(self, settings: IncidentSettings, *, keeps_all: bool = True) -> None:
+        """Unless it ``keeps_all`` it forgets what is of no use live, and knows less afterwards."""
         self.settings = settings
         self.refusals: Counter[tuple[str, str]] = Counter()
         self.refused = 0
@@ -116,6 +118,7 @@ class Incident:
         self._teams = TeamWatch(settings.teams)
         self._senders = Senders(settings.hold_ns, settings.post_id)
         self._dating = Dating(self._senders)
+        self._lateness = Lateness(settings.fusion, keeps_all=keeps_all)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
         self._both_ways = BothWays()
@@ -181,12 +184,13 @@ class Incident:
 
         ``moved_in_time`` are the events of nodes with wrong clocks, ``begun_anew`` the times that
         the numbers under a key began anew, ``told_by_both`` the passes of DAPs that both ends of a
-        link told of.
+        link told of, ``too_late`` what happened too long ago to be fused.
         """
         own = Counter(
             moved_in_time=self._dating.moved_in_time,
             begun_anew=self._senders.begun_anew,
             told_by_both=self._both_ways.repeated,
+            too_late=self._lateness.count,
         )
         return self._time_line.counts + self._tracker.counts + own
 
@@ -201,8 +205,9 @@ class Incident:
             for doubt in self._tracker.doubts
             if (doubt.role, doubt.node_id) == (role, node_id)
         ]
+        late = self._lateness.faults((role, node_id), now_ns)
         of_box = self._faults_of_dap(node_id, now_ns) if role == "dap" else []
-        return of_box + self._senders.faults(role, node_id, now_ns) + doubted
+        return of_box + self._senders.faults(role, node_id, now_ns) + late + doubted
 
     def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
         silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
@@ -246,6 +251,9 @@ class Incident:
         What comes of it is what the next ``handle`` would have made first.
         """
         made = self._fuse(self._time_line.release(now_ns))
+        before_ns = self._lateness.forget_ns(now_ns)
+        if before_ns is not None:
+            self._tracker.forget(before_ns)
         return made + self._alerted(self._alerts.pass_time(now_ns))
 
     @property
@@ -262,13 +270,15 @@ class Incident:
 
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""
+        for event in self._lateness.take_set_aside():
+            self._give(event.key.node_id, event.dated)
         return self._tracker.afterwards()
 
     def finish(self, now_ns: int) -> list[Outgoing]:
         """Release everything that is held back; return what is to be published."""
         made = self.pass_time(now_ns)
         for event in self._dating.rest():
-            self._time_line.put(event, now_ns)
+            self._put(event, now_ns)
         return made + self._fuse(self._time_line.release_all())
 
     def _is_own(self, key: Key) -> bool:
@@ -302,7 +312,7 @@ class Incident:
             if isinstance(message, StrangerNoticed):
                 return self._alerted(self._alerts.notice(message, now_ns))
             if key.topic in _FUSED:
-                self._time_line.put(Event(key, message, message.event_time_ns), now_ns)
+                self._put(Event(key, message, message.event_time_ns), now_ns)
         return []
 
     def _order(self, commander_id: NodeId, request: OrderRequest, now_ns: int) -> list[Outgoing]:
@@ -359,7 +369,18 @@ class Incident:
             self._tracker.heard(key.node_id, min(time_ns, now_ns))
         events = self._dating.date(key, message, now_ns, seal) if key.topic in _FUSED else []
         for event in (*self._dating.dated_by_now(key, now_ns), *events):
-            self._time_line.put(event, now_ns)
+            self._put(event, now_ns)
+
+    def _put(self, event: Event, now_ns: int) -> None:
+        """Have an event wait for its turn, unless it comes too late to be fused."""
+        admitted = self._lateness.admitted(event, now_ns)
+        if admitted is not None:
+            if admitted is not event:
+                self._dating.redate(admitted)
+            self._time_line.put(admitted, now_ns)
+        elif self._lateness.is_first(event):
+            detail = f"{event.key.role}: {self._lateness.words}"
+            self._notices.append(Notice("too_late", event.key.node_id, detail))
 
     def _refuse(self, reason: str, node_id: str, detail: str) -> None:
         self.refused += 1

@@ -169,7 +169,7 @@ def run(
                 state = checkpoint_path(record)
                 part = recorder.unfinished
                 kept = None if part is None else load(state, part, settings)
-                begun = Incident(settings) if kept is None else kept.state.incident
+                begun = Incident(settings, keeps_all=False) if kept is None else kept.state.incident
                 noted = record.with_name(f"{record.name}.clock")
                 post = Post(
                     bus, begun, recorder, continued_clock(noted, goes_on=part is not None),

@@ -106,6 +106,9 @@ class Fusion(Protocol):
     def heard(self, responder_id: str, time_ns: int) -> None:
         """A responder's unit is still there, whatever it said."""
 
+    def forget(self, before_ns: int) -> None:
+        """Nothing comes any more that happened before ``before_ns``: drop what is of no use now."""
+
     def take_changes(self) -> Changes:
         """Return what has changed since this was last asked, in the order of the ids."""
 

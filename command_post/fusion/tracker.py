@@ -132,6 +132,9 @@ class Tracker:
     def heard(self, responder_id: str, time_ns: int) -> None:
         """Pass over it: the published filter says nothing of who is silent."""
 
+    def forget(self, before_ns: int) -> None:
+        """Do nothing: no more is kept than where everybody is."""
+
     def take_changes(self) -> Changes:
         """Return what has changed since this was last asked."""
         estimates, self._changed = sorted(self._changed.items()), {}

@@ -1,8 +1,9 @@
-"""Where a crew of a large team was held to be some minutes ago, in place of all before (pure).
+"""Where a crew was held to be some time ago, in place of all that had been heard before (pure).
 
-So a crew's commits take as long in the second hour as after a few minutes: each way begins anew
+So a crew's commits take as long in the second day as in the second hour: each way begins anew
 where an earlier commit had it, as surely as that commit was, and DAPs stand as surely as they did.
-What is lost is how these depended on each other.
+What is lost is how these depended on each other. A small team is solved from as far back as the
+horizon is, the crews of a large one from a few minutes ago.
 """
 
 from __future__ import annotations
@@ -28,55 +29,120 @@ from command_post.fusion.team.log import (
     TeamLog,
 )
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.solution import Anchors, ChainSolution, Solution, Stood
+from command_post.fusion.team.solution import (
+    Anchors,
+    ChainSolution,
+    Solution,
+    Stood,
+    Ways,
+    overlaid,
+)
 from command_post.fusion.team.solving import Solved
+from command_post.fusion.team.suspicions import UNKNOWN_HEADING_SD_RAD
 from command_post.fusion.track import MOST_COORDINATE_M, told_covariance, within
 from shared.messages import LocalPosition
+from shared.units import NS_PER_S
+
+ANCHORED_WITHIN_HORIZON = 4
+"""So often is a small team anchored anew: the more often, the less it is solved beyond that."""
 
 _Timed = TypeVar("_Timed", Start, Peak, Fix, Height, Installed)
 
 
-def anchors_of(
-    log: TeamLog, solved: Solved, heights: Heights, solution: Solution, settings: TeamSettings
-) -> Anchors:
-    """Return the crew as it was solved, for commits to come to begin from.
+def anchored(
+    number: int, log: TeamLog, solved: Solved, heights: Heights, solution: Solution,
+    before: Solution, settings: TeamSettings, *, of_crowd: bool,
+) -> Solution:  # fmt: skip
+    """Return a crew's solution at the commit of period ``number``, with what is begun from later.
 
-    Whose heading is not known is not anchored again. ``solution`` has what was anchored before.
+    Now and then the crew is anchored as it is solved now, and begun from where it was anchored
+    once that is long enough ago: so it is always solved from as far back as that, at least.
     """
-    time_ns = solution.time_ns
-    before = solution.next_anchors
-    starts, until_ns, past = dict(before.starts), dict(before.until_ns), dict(before.past)
+    every_s, back_s = (
+        (settings.anchor_s, settings.anchor_s)
+        if of_crowd
+        else (settings.horizon_s / ANCHORED_WITHIN_HORIZON, settings.horizon_s)
+    )
+    begun, to_come, past = before.anchors, before.to_come, before.past
+    every = _periods(every_s, settings)
+    last = to_come[-1].number if to_come else begun.number
+    if number // every > last // every:
+        passed = [each for each in to_come if number - each.number >= _periods(back_s, settings)]
+        if passed:
+            past = _with_pieces(past, solution, begun := overlaid([begun, *passed]))
+        fresh = anchors_of(number, log, solved, heights, solution.time_ns, settings)
+        to_come = (*to_come[len(passed) :], fresh)
+    return solution._replace(anchors=begun, to_come=to_come, past=past)
+
+
+def _periods(seconds: float, settings: TeamSettings) -> int:
+    return max(round(seconds / settings.commit_s), 1)
+
+
+def _with_pieces(past: Ways, solution: Solution, anchors: Anchors) -> Ways:
+    """Return the ways before, with what ``solution`` has of each before the ``anchors``."""
+    pieces = dict(past)
+    for name, chain in solution.chains.items():
+        if name in anchors.starts:
+            early = chain.time_ns < anchors.starts[name].time_ns
+            if early.any():
+                piece = ChainSolution(chain.time_ns[early], chain.pose[early], chain.units)
+                pieces[name] = (*pieces.get(name, ()), piece)
+    return pieces
+
+
+def anchors_of(
+    number: int, log: TeamLog, solved: Solved, heights: Heights, time_ns: int,
+    settings: TeamSettings,
+) -> Anchors:  # fmt: skip
+    """Return the crew as it was solved at ``time_ns``, for commits to come to begin from.
+
+    Whose heading is not known is anchored only once their way is longer than the horizon.
+    """
+    starts: dict[str, Start] = {}
+    long_ago_ns = time_ns - round(settings.horizon_s * NS_PER_S)
     for index, chain in enumerate(solved.assembled.chains):
         told = solved.tells_turn(index, settings)
-        if told and solved.ends[index, 3] < settings.recovered_turn_sd_rad**2:
-            name = chain.responder_id
-            starts[name] = _start(solved, heights, index)
-            until_ns[name] = time_ns
-            past[name] = (*past.get(name, ()), solution.chains[name])
-    stood: dict[str, Stood] = {}
+        is_sharp = solved.ends[index, 3] < settings.recovered_turn_sd_rad**2
+        if (told and is_sharp) or int(chain.time_ns[0]) < long_ago_ns:
+            starts[chain.responder_id] = _start(solved, heights, index, told=told)
+    return Anchors(
+        number, dict.fromkeys(starts, time_ns), starts, _stood(log, solved, heights, time_ns)
+    )
+
+
+def _stood(log: TeamLog, solved: Solved, heights: Heights, time_ns: int) -> dict[str, Stood]:
+    """Return where each DAP stands at ``time_ns``: where it stood before, nobody passes it."""
+    found: dict[str, Installed] = {}
     for place, place_id in enumerate(solved.assembled.places):
         if place_id[0] == "dap":
             dap_id, since_ns = place_id[1], int(place_id[2])
             said = next(each for each in log.daps[dap_id] if each.time_ns == since_ns)
-            found = Installed(
+            installed = Installed(
                 since_ns, None, position_of(solved, heights, place), said.said_ns,
                 found=not solved.assembled.aside_m2[place],
             )  # fmt: skip
-            others = stood[dap_id].installed if dap_id in stood else ()
-            stood[dap_id] = Stood(time_ns, tuple(sorted((*others, found), key=_since)))
-    for dap_id, each in stood.items():
-        taken_up = (one for one in log.daps[dap_id] if one.is_taken_up and one.time_ns <= time_ns)
-        installed = tuple(sorted((*each.installed, *taken_up), key=_since))
-        stood[dap_id] = each._replace(installed=installed)
-    return Anchors(until_ns, starts, stood, past)
+            found[dap_id] = max(found.get(dap_id, installed), installed, key=_since)
+    return {
+        dap_id: Stood(time_ns, (each, *_taken_up(log.daps[dap_id], each.time_ns, time_ns)))
+        for dap_id, each in found.items()
+    }
+
+
+def _taken_up(installs: Sequence[Installed], since_ns: int, until_ns: int) -> list[Installed]:
+    """Return that a DAP was taken up in between, if it was."""
+    return [each for each in installs if each.is_taken_up and since_ns < each.time_ns <= until_ns]
 
 
 def _since(installed: Installed) -> int:
     return installed.time_ns
 
 
-def _start(solved: Solved, heights: Heights, index: int) -> Start:
-    """Return a start as if a chain began at its last stance, where it was held to be."""
+def _start(solved: Solved, heights: Heights, index: int, *, told: bool) -> Start:
+    """Return a start as if a chain began at its last stance, where it was held to be.
+
+    Unless it is ``told`` how its unit is turned, it may be turned any way.
+    """
     end = int(solved.assembled.graph.first[index + 1])
     north_m, east_m, turn_rad = solved.pose[end - 1].tolist()
     nn, ne, ee, tt = solved.ends[index, :4].tolist()
@@ -87,28 +153,32 @@ def _start(solved: Solved, heights: Heights, index: int) -> Start:
         covariance_m2=told_covariance(nn, ne, ee),
     )
     return Start(
-        int(solved.assembled.chains[index].time_ns[-1]), 0, math.sqrt(max(tt, 0.0)), position,
+        int(solved.assembled.chains[index].time_ns[-1]), 0,
+        math.sqrt(max(tt, 0.0)) if told else UNKNOWN_HEADING_SD_RAD, position,
         is_loose=solved.assembled.chains[index].starts[-1].is_loose,
         turn_rad=turn_rad, down_sd_m=math.sqrt(max(float(heights.node_m2[end - 1]), LEAST_SD_M**2)),
         tied_ns=tied_ns(solved, index),
     )  # fmt: skip
 
 
-def cut(log: TeamLog, anchors: Anchors) -> TeamLog:
-    """Return what was heard since the crew was anchored, as if all began there."""
-    if not anchors.starts:
-        return log
+def cut(log: TeamLog, anchors: Anchors, time_ns: int, settings: TeamSettings) -> TeamLog:
+    """Return what counts at ``time_ns``: what was heard since the crew was anchored.
+
+    It is as if all began there. Of who was not, what was heard before twice the horizon, apart from
+    how they moved, counts no more either; nor does where a DAP stood before it was set down again.
+    """
+    since_ns = forgotten_ns(time_ns, settings)
     since = TeamLog()
     since.responders = {
         name: _cut(own, anchors.starts[name], anchors.until_ns[name])
         if name in anchors.starts
-        else own
+        else heard_after(own, since_ns)
         for name, own in log.responders.items()
     }
     since.daps = {
-        dap_id: [*anchors.stood[dap_id].installed, *_after(said, anchors.stood[dap_id].until_ns)]
+        dap_id: [*anchors.stood[dap_id].installed, *after(said, anchors.stood[dap_id].until_ns)]
         if dap_id in anchors.stood
-        else said
+        else last_and_after(said, since_ns)
         for dap_id, said in log.daps.items()
     }
     since.dap_heights = log.dap_heights
@@ -117,19 +187,38 @@ def cut(log: TeamLog, anchors: Anchors) -> TeamLog:
 
 def _cut(own: ResponderLog, start: Start, until_ns: int) -> ResponderLog:
     return replace(
-        own,
-        starts=[start, *_after(own.starts, until_ns)],
+        heard_after(own, until_ns),
+        starts=[start, *after(own.starts, until_ns)],
         moves=own.moves.later_than(start.time_ns),
-        peaks=_after(own.peaks, until_ns),
-        nears=_after(own.nears, until_ns),
-        contacts=_after(own.contacts, until_ns),
-        fixes=_after(own.fixes, until_ns),
-        heights=_after(own.heights, until_ns),
     )
 
 
-def _after(events: Sequence[_Timed], time_ns: int) -> list[_Timed]:
+def heard_after(own: ResponderLog, time_ns: int) -> ResponderLog:
+    """Return how a responder moved, and what else was heard after ``time_ns``."""
+    return replace(
+        own,
+        peaks=after(own.peaks, time_ns),
+        nears=after(own.nears, time_ns),
+        contacts=after(own.contacts, time_ns),
+        fixes=after(own.fixes, time_ns),
+        heights=after(own.heights, time_ns),
+    )
+
+
+def after(events: Sequence[_Timed], time_ns: int) -> list[_Timed]:
+    """Return the events after ``time_ns``."""
     return list(events[bisect_right(events, time_ns, key=lambda each: each.time_ns) :])
+
+
+def last_and_after(events: Sequence[_Timed], time_ns: int) -> list[_Timed]:
+    """Return the last event by ``time_ns``, and those after."""
+    at = bisect_right(events, time_ns, key=lambda each: each.time_ns)
+    return list(events[max(at - 1, 0) :])
+
+
+def forgotten_ns(time_ns: int, settings: TeamSettings) -> int:
+    """Return until when nothing counts any more at ``time_ns`` of whoever was not anchored."""
+    return time_ns - round(2.0 * settings.horizon_s * NS_PER_S)
 
 
 def with_past(solution: Solution) -> Solution:
@@ -139,7 +228,7 @@ def with_past(solution: Solution) -> Solution:
         begin_ns = int(chain.time_ns[0])
         whole = [
             ChainSolution(each.time_ns[early], each.pose[early], each.units)
-            for each in solution.next_anchors.past.get(name, ())
+            for each in solution.past.get(name, ())
             if (early := each.time_ns < begin_ns).any()
         ] + [chain]
         chains[name] = _joined(whole)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.team.alone import commit_of_crowd
-from command_post.fusion.team.anchors import anchors_of, cut
+from command_post.fusion.team.anchors import anchored, cut
 from command_post.fusion.team.crews import (
     Bonds,
     Crew,
@@ -29,7 +29,14 @@ from command_post.fusion.team.height_assembly import Heights, solve_heights, wal
 from command_post.fusion.team.heights import with_known
 from command_post.fusion.team.log import Installed, TeamLog
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.solution import Solution, concerning, joined
+from command_post.fusion.team.solution import (
+    NO_WAYS,
+    Anchors,
+    Solution,
+    concerning,
+    joined,
+    overlaid,
+)
 from command_post.fusion.team.solving import Solved, commit
 from command_post.fusion.team.suspicions import supposed
 from shared.units import NS_PER_S
@@ -102,6 +109,7 @@ class Commits:
         self._kept_since = 0
         self._made = 0
         self._fresh: Fresh | None = None
+        self._keeps_past = True
         self.until_ns = -1
         """Until when the commits have been made."""
 
@@ -161,6 +169,22 @@ class Commits:
         for number in [n for n in self._periods if n >= since]:
             self._forget_in(number, time_ns, who)
         self._first = min(self._first, since)
+
+    def forget_before(self, time_ns: int) -> tuple[Anchors, int] | None:
+        """Drop the commits that are not needed if nothing comes any more from before ``time_ns``.
+
+        Return what later ones begin from, and since when; ``None`` if all are needed. Ways from
+        before that are not kept from now on.
+        """
+        most = min(self.number_at(time_ns), self._first)
+        first = max((number for number in self._periods if number < most), default=None)
+        if first is None:
+            return None
+        self._periods = {n: each for n, each in self._periods.items() if n >= first}
+        del self._numbers[: bisect_left(self._numbers, first)]
+        self._keeps_past = False
+        commits = self._periods[first].commits.values()
+        return overlaid([made.solution.anchors for made in commits]), self.begin_ns(first)
 
     def _forget_in(self, number: int, time_ns: int, who: frozenset[str]) -> None:
         period = self._periods[number]
@@ -234,18 +258,21 @@ class Commits:
     ) -> dict[str, InstalledDap]:
         """Return those DAPs that a crew has to tell of: its own, the first crew nobody's too."""
         if crew.is_everybody:
-            return dict(daps)
+            return {dap_id: self._with_installer(dap_id, dap) for dap_id, dap in daps.items()}
         crews = self.crews(self.number_at(time_ns))
         first = crews.crews[0].leader
         return {
-            dap_id: dap._replace(installer_id=self._installer_of(dap_id, dap.installed_ns))
+            dap_id: self._with_installer(dap_id, dap._replace(installer_id=None))
             for dap_id, dap in daps.items()
             if crews.owner.get(dap_id, first) == crew.leader
         }
 
-    def _installer_of(self, dap_id: str, installed_ns: int) -> str | None:
-        installs = self._log.daps[dap_id]
-        return next((each.installer_id for each in installs if each.time_ns == installed_ns), None)
+    def _with_installer(self, dap_id: str, dap: InstalledDap) -> InstalledDap:
+        """Return a DAP with who set it down, if that is not known of where it was anchored."""
+        if dap.installer_id is not None:
+            return dap
+        said = (e for e in self._log.daps[dap_id] if e.time_ns == dap.installed_ns)
+        return dap._replace(installer_id=next((each.installer_id for each in said), None))
 
     def fresh(self, crew: Crew, time_ns: int) -> Fresh | None:
         """Return what a crew's commit at ``time_ns`` was made of, if that was the last one made."""
@@ -288,12 +315,17 @@ class Commits:
         log = self._crew_log(number, crew, time_ns, told)
         before = joined([each.solution for each in previous])
         begin = concerning(before, log)
-        done = _commit(crew, cut(log, begin.anchors), time_ns, begin, self._settings)
+        log = cut(log, begin.anchors, time_ns, self._settings)
+        done = _commit(crew, log, time_ns, begin, self._settings)
         self._fresh = None if done is None else done[1]
         if done is not None:
             solution, fresh = done
-            if not crew.is_everybody:
-                solution = self._anchored(number, solution, fresh, begin)
+            solution = anchored(
+                number, fresh.log, fresh.solved, fresh.heights, solution, begin, self._settings,
+                of_crowd=not crew.is_everybody,
+            )  # fmt: skip
+            if not self._keeps_past:
+                solution = solution._replace(past=NO_WAYS)
             own = {d for d in log.daps if self.crews(number).owner.get(d) == crew.leader}
             places = places_of(fresh.solved, fresh.heights, own)
         elif previous:
@@ -305,21 +337,6 @@ class Commits:
             return
         period.commits[crew.leader] = Commit(self._made, crew, solution, places, made_of)
         self._made += 1
-
-    def _anchored(
-        self, number: int, solution: Solution, fresh: Fresh, before: Solution
-    ) -> Solution:
-        """Return a crew's solution with what later ones begin from: renewed now and then.
-
-        What was anchored last time is begun from now, so that a crew is always solved from as far
-        back as a whole time between, at least.
-        """
-        anchors = before.next_anchors
-        solution = solution._replace(anchors=before.anchors, next_anchors=anchors)
-        if number % max(round(self._settings.anchor_s / self._settings.commit_s), 1):
-            return solution
-        renewed = anchors_of(fresh.log, fresh.solved, fresh.heights, solution, self._settings)
-        return solution._replace(anchors=anchors, next_anchors=renewed)
 
 
 def _commit(

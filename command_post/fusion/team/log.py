@@ -229,6 +229,16 @@ class MoveLog:
         later._count = self._count - first
         return later
 
+    def forget(self, time_ns: int) -> None:
+        """Drop moves that ended by ``time_ns``: as many whole blocks as are packed, the first."""
+        blocks = min(self.until(time_ns).end_ns.size // BLOCK, len(self._packed))
+        if blocks:
+            first = blocks * BLOCK
+            self._times = self._times[first : self._count].copy()
+            self._values = self._values[first : self._count].copy()
+            del self._packed[:blocks]
+            self._count -= first
+
     def after(self, time_ns: int, before: int = 0) -> Moves:
         """Return the moves that ended after ``time_ns``, and as many ``before`` as there are."""
         first = int(np.searchsorted(self._times[: self._count, 0], time_ns, side="right"))

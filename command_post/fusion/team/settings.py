@@ -58,7 +58,9 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     and the more responders there are the more rarely, so that no more than ``solved_a_second`` are
     solved in a second; all of them at least once in ``commit_s``. Of such a crew the headings of
     ``turned_of_crowd`` are tried at a commit; and it is solved from where it was held to be
-    between one and two times ``anchor_s`` ago.
+    between one and two times ``anchor_s`` ago. A smaller team is solved from where it was held to
+    be ``horizon_s`` ago, or up to a quarter of that more. What comes ``lateness_s`` after it
+    happened, or later, is not fused any more.
 
     A building's axis is believed in where ``axis_least_moves`` are straight and a share of
     ``axis_least_share`` of them lies along one; that it is ``axis_rad``, where headings alone tell
@@ -77,6 +79,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     turned_a_commit: Annotated[int, Meta(ge=1, le=10_000)] = 16
     turned_of_crowd: Annotated[int, Meta(ge=1, le=10_000)] = 4
     anchor_s: Seconds = 180.0
+    horizon_s: Seconds = 2400.0
+    lateness_s: Seconds = 3600.0
     crew_most: Annotated[int, Meta(ge=1, le=10_000)] = 16
     solved_a_second: Annotated[float, Meta(gt=0.0, le=1e6)] = 100.0
 

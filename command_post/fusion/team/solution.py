@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -31,6 +31,12 @@ class ChainSolution(NamedTuple):
     units: Floats
 
 
+Ways: TypeAlias = Mapping[str, tuple[ChainSolution, ...]]
+"""Of each responder, pieces of a way in the order of time."""
+
+NO_WAYS: Ways = {}
+
+
 class Held(NamedTuple):
     """A suspicion that is held, and how much cheaper it makes the solution."""
 
@@ -48,17 +54,30 @@ class Stood(NamedTuple):
 class Anchors(NamedTuple):
     """Where responders and DAPs were held to be, for what comes later to begin from.
 
-    ``starts`` are as if they began there, ``until_ns`` is until when they had been heard, by
-    responder; ``past`` the ways until there, piece by piece.
+    It was so at the commit of the period ``number``. ``starts`` are as if they began there,
+    ``until_ns`` is until when they had been heard, by responder.
     """
 
+    number: int
     until_ns: Mapping[str, int]
     starts: Mapping[str, Start]
     stood: Mapping[str, Stood]
-    past: Mapping[str, tuple[ChainSolution, ...]]
 
 
-NO_ANCHORS = Anchors({}, {}, {}, {})
+NO_ANCHORS = Anchors(-1, {}, {}, {})
+
+
+def overlaid(anchors: Sequence[Anchors]) -> Anchors:
+    """Return where all were held to be last, of several in the order of their numbers."""
+    whole = NO_ANCHORS
+    for each in anchors:
+        whole = Anchors(
+            max(whole.number, each.number),
+            {**whole.until_ns, **each.until_ns},
+            {**whole.starts, **each.starts},
+            {**whole.stood, **each.stood},
+        )
+    return whole
 
 
 class Solution(NamedTuple):
@@ -66,8 +85,8 @@ class Solution(NamedTuple):
 
     ``storeys_m`` are the heights (m down) on which it had walked; ``lead_s`` is by how much peaks
     lead, ``tie_scale`` the scale of how far passes lie from their DAPs; ``held`` is what was held
-    against nodes, ``examined`` by how many passes each was last judged. A crew of many begins from
-    ``anchors``, and later on from the next.
+    against nodes, ``examined`` by how many passes each was last judged. Later ones begin from
+    ``anchors``, and in time from those that are ``to_come``; ``past`` are the ways before.
     """
 
     time_ns: int
@@ -82,7 +101,8 @@ class Solution(NamedTuple):
     held: tuple[Held, ...] = ()
     examined: Mapping[str, int] = MappingProxyType({})
     anchors: Anchors = NO_ANCHORS
-    next_anchors: Anchors = NO_ANCHORS
+    to_come: tuple[Anchors, ...] = ()
+    past: Ways = NO_WAYS
 
     @property
     def suspicions(self) -> tuple[Suspicion, ...]:
@@ -115,19 +135,18 @@ def joined(solutions: Sequence[Solution]) -> Solution:
             each.storeys_m or of_all.storeys_m,
             (*each.held, *of_all.held),
             {**of_all.examined, **each.examined},
-            _both(of_all.anchors, each.anchors),
-            _both(of_all.next_anchors, each.next_anchors),
+            overlaid([of_all.anchors, each.anchors]),
+            _by_number(of_all.to_come, each.to_come),
+            {**of_all.past, **each.past},
         )
     return of_all
 
 
-def _both(one: Anchors, other: Anchors) -> Anchors:
-    return Anchors(
-        {**one.until_ns, **other.until_ns},
-        {**one.starts, **other.starts},
-        {**one.stood, **other.stood},
-        {**one.past, **other.past},
-    )
+def _by_number(one: tuple[Anchors, ...], other: tuple[Anchors, ...]) -> tuple[Anchors, ...]:
+    of_number: dict[int, list[Anchors]] = {}
+    for anchors in (*one, *other):
+        of_number.setdefault(anchors.number, []).append(anchors)
+    return tuple(overlaid(each) for _, each in sorted(of_number.items()))
 
 
 def concerning(before: Solution, log: TeamLog) -> Solution:

@@ -18,7 +18,7 @@ from command_post.fusion.cloud.cloud import Cloud
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack
 from command_post.fusion.team.agenda import Agenda
-from command_post.fusion.team.anchors import cut, with_past
+from command_post.fusion.team.anchors import cut, forgotten_ns, with_past
 from command_post.fusion.team.commits import Commits, Fresh
 from command_post.fusion.team.crews import EVERYBODY, Bonds, Crew
 from command_post.fusion.team.dap_places import daps_of
@@ -29,6 +29,7 @@ from command_post.fusion.team.estimates import (
     first_pose,
     pose_of,
 )
+from command_post.fusion.team.forgetting import forget
 from command_post.fusion.team.front import cloud_before, told_by_cloud
 from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.log import END_OF_TIME_NS, Floats, TeamLog
@@ -83,6 +84,9 @@ class TeamTracker:
         self._told_daps: dict[str, InstalledDap] = {}
         self._changed_daps: dict[str, InstalledDap] = {}
         self._changed: dict[str, Estimate] = {}
+        self._is_whole = True
+        """Whether nothing was forgotten."""
+
         self.counts: Counter[str] = Counter()
 
     @property
@@ -172,6 +176,18 @@ class TeamTracker:
         if log is not None:
             log.heard_ns = max(log.heard_ns, time_ns)
 
+    def forget(self, before_ns: int) -> None:
+        """Drop what is of no use if nothing comes any more that happened before ``before_ns``.
+
+        What is estimated is the same to the bit, live. Afterwards ways begin where they are begun
+        from by then.
+        """
+        found = self._commits.forget_before(before_ns)
+        if found is not None:
+            anchors, begin_ns = found
+            forget(self._log, anchors, forgotten_ns(begin_ns, self._settings))
+            self._is_whole = False
+
     def take_changes(self) -> Changes:
         """Return what events and ticks have changed since this was last asked."""
         estimates, self._changed = sorted(self._changed.items()), {}
@@ -179,7 +195,7 @@ class TeamTracker:
         return Changes(estimates, daps)
 
     def afterwards(self) -> Afterwards:
-        """Return everybody's way with all that is known by now."""
+        """Return everybody's way with all that is known by now, as far as it was not forgotten."""
         latest = self._latest_ns()
         if latest is None:
             return Afterwards({}, {})
@@ -188,7 +204,11 @@ class TeamTracker:
         daps: dict[str, InstalledDap] = {}
         for crew in self._commits.crews(self._commits.number_at(latest)).crews:
             heard = self._commits.log_of(crew, latest)
-            before = with_past(concerning(self._commits.before(crew, latest), heard))
+            before = concerning(self._commits.before(crew, latest), heard)
+            if self._is_whole:
+                before = with_past(before)
+            else:
+                heard = cut(heard, before.anchors, latest, self._settings)
             log = supposed(heard, before.suspicions)
             solved = commit(log, latest, before, self._settings)
             if solved is None or not solved.is_sound:
@@ -278,8 +298,8 @@ class TeamTracker:
     def _solved(self, crew: Crew, due_ns: int, before: Solution) -> Fresh | None:
         heard = self._commits.log_of(crew, due_ns)
         before = concerning(before, heard)
-        log = supposed(cut(heard, before.anchors), before.suspicions)
         settings = self._settings
+        log = supposed(cut(heard, before.anchors, due_ns, settings), before.suspicions)
         solved = solve(log, due_ns, before, before.belief, settings, settings.tick_iterations)
         if solved is None or not solved.is_sound:
             self.counts["unsolved"] += solved is not None

@@ -1,0 +1,32 @@
+"""Dropping of a team's log what no solution reads any more (pure)."""
+
+from __future__ import annotations
+
+from command_post.fusion.team.anchors import after, last_and_after
+from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.solution import Anchors
+
+
+def forget(log: TeamLog, anchors: Anchors, since_ns: int) -> None:
+    """Drop of ``log`` what is not read by whoever begins from ``anchors``, or later ones.
+
+    Of who was not anchored that is all until ``since_ns``, apart from how they moved. It is known
+    still how each responder's last moves were, and of each DAP where it stood first and by then.
+    """
+    for name, own in log.responders.items():
+        start = anchors.starts.get(name)
+        until_ns = since_ns if start is None else anchors.until_ns[name]
+        own.peaks = after(own.peaks, until_ns)
+        own.nears = after(own.nears, until_ns)
+        own.contacts = after(own.contacts, until_ns)
+        own.fixes = after(own.fixes, until_ns)
+        own.heights = after(own.heights, until_ns)
+        if start is not None:
+            own.starts = after(own.starts, until_ns)
+            own.moves.forget(start.time_ns)
+    for dap_id, said in log.daps.items():
+        # That it was set down first says whether anybody is tied to who did that.
+        first = next((at for at, each in enumerate(said) if not each.is_taken_up), len(said)) + 1
+        log.daps[dap_id] = [*said[:first][-1:], *last_and_after(said[first:], since_ns)]
+    for dap_id, heights in log.dap_heights.items():
+        log.dap_heights[dap_id] = last_and_after(heights, since_ns)
