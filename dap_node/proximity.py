@@ -15,8 +15,10 @@ Samples may be lost, late or repeated. They are only kept as they come; every de
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import fsum
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, TypeAlias
 
 import msgspec
@@ -159,6 +161,7 @@ class Stays:
         self._responder_id = responder_id
         self._settings = settings
         self._stay: _Stay | None = None
+        self._believed: deque[tuple[int, float]] = deque()
 
     @property
     def is_near(self) -> bool:
@@ -167,16 +170,18 @@ class Stays:
 
     def decide(self, evidence: Evidence) -> Proximity | None:
         """Return what there is to tell. Evidence must not go back in time."""
-        heard = self._usable(evidence)
+        heard, log_odds = self._usable(evidence), self._steady(evidence)
         if self._stay is not None:
-            return self._tell_of(self._stay, heard, evidence)
-        if heard is None or not self._is_near(heard, evidence.belief):
+            return self._tell_of(self._stay, heard, log_odds, evidence)
+        if heard is None or not self._is_near(heard, log_odds):
             return None
         time_ns = self._time_ns(heard, evidence)
         self._stay = _Stay(evidence.now_ns, evidence.now_ns, time_ns, heard)
         return self._told(time_ns, "entered", heard, evidence.belief)
 
-    def _tell_of(self, stay: _Stay, heard: Summary | None, evidence: Evidence) -> Proximity | None:
+    def _tell_of(
+        self, stay: _Stay, heard: Summary | None, log_odds: float | None, evidence: Evidence
+    ) -> Proximity | None:
         """Return what there is to tell of a stay, having ended it if it is over."""
         now_ns, last_heard_ns, _, belief = evidence
         if now_ns - last_heard_ns >= _ns(self._settings.silence_s):
@@ -187,7 +192,7 @@ class Stays:
             return None
         stay.time_ns, stay.heard = self._time_ns(heard, evidence), heard
         is_over = now_ns - stay.entered_ns >= _ns(self._settings.dwell_s)
-        if is_over and self._is_gone(heard, belief):
+        if is_over and self._is_gone(heard, log_odds):
             self._stay = None
             return self._told(stay.time_ns, "left", heard, belief)
         repeat_ns = _ns(self._settings.repeat_s)
@@ -210,23 +215,33 @@ class Stays:
     def _time_ns(self, heard: Summary, evidence: Evidence) -> int:
         return heard.time_ns if self._is_published else evidence.last_heard_ns
 
-    def _is_near(self, heard: Summary, belief: Belief | None) -> bool:
+    def _steady(self, evidence: Evidence) -> float | None:
+        """Return the mean of the last log odds; ``None`` where there is no belief to go by."""
+        if self._is_published or evidence.belief is None:
+            return None
+        since_ns = evidence.now_ns - _ns(self._settings.range.steady_s)
+        self._believed.append((evidence.now_ns, evidence.belief.log_odds))
+        while self._believed[0][0] < min(since_ns + 1, evidence.now_ns):
+            self._believed.popleft()
+        return fsum(each for _, each in self._believed) / len(self._believed)
+
+    def _is_near(self, heard: Summary, log_odds: float | None) -> bool:
         settings = self._settings
-        if self._is_published or belief is None:
+        if log_odds is None:
             return (
                 heard.mean_dbm >= settings.enter_dbm
                 and heard.variance_db2 <= settings.enter_variance_db2
             )
-        return belief.log_odds >= settings.range.enter_log_odds
+        return log_odds >= settings.range.enter_log_odds
 
-    def _is_gone(self, heard: Summary, belief: Belief | None) -> bool:
+    def _is_gone(self, heard: Summary, log_odds: float | None) -> bool:
         settings = self._settings
-        if self._is_published or belief is None:
+        if log_odds is None:
             return (
                 heard.mean_dbm < settings.leave_dbm
                 or heard.variance_db2 > settings.leave_variance_db2
             )
-        return belief.log_odds < settings.range.leave_log_odds
+        return log_odds < settings.range.leave_log_odds
 
     @property
     def _is_published(self) -> bool:

@@ -19,17 +19,19 @@ class RangeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     """What the filter takes radio and people to be like.
 
     Near is within ``near_m``; one comes near when the log odds of that are at least
-    ``enter_log_odds``, and leaves when they are below ``leave_log_odds``. Power falls with range to
-    the ``exponent``, readings spread by ``spread_db``, and say something new once in
-    ``coherence_s``; the body takes ``body_loss_db`` of a ``body_share`` of them. Links differ by
-    ``offset_sd_db``. From farther than ``far_m`` readings have the mean ``far_dbm`` and spread by
-    ``far_spread_db``. Antennas are ``height_m`` apart in height, people spread out by
-    ``diffusion_m2_s``, and nobody is farther than ``farthest_m``.
+    ``enter_log_odds``, and leaves when they are below ``leave_log_odds``, both as the mean of the
+    last ``steady_s``: a fade is not nearness. Power falls with range to the ``exponent``, readings
+    spread by ``spread_db``, and say something new once in ``coherence_s``; the body takes
+    ``body_loss_db`` of a ``body_share`` of them. Links differ by ``offset_sd_db``. From farther
+    than ``far_m`` readings have the mean ``far_dbm`` and spread by ``far_spread_db``. Antennas are
+    ``height_m`` apart in height, people spread out by ``diffusion_m2_s``, and nobody is farther
+    than ``farthest_m``.
     """
 
     near_m: Annotated[float, Meta(ge=0.3, le=20.0)] = 2.5
     enter_log_odds: LogOdds = -1.0
     leave_log_odds: LogOdds = -2.0
+    steady_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 2.0
     exponent: Annotated[float, Meta(ge=1.0, le=6.0)] = 2.2
     spread_db: Decibel = 6.0
     coherence_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 1.0

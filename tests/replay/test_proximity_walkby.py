@@ -85,7 +85,10 @@ def test_the_likelihood_tells_as_many_passes_from_nearer_by(recordings: list[Wal
     pooled = told.left_out[-1]
     assert pooled.published.passes > 20
     assert pooled.at_misses.missed <= pooled.published.missed
-    assert pooled.at_misses.range_p95_m < 0.7 * pooled.published.range_p95_m
+    assert pooled.at_misses.range_p95_m < 0.6 * pooled.published.range_p95_m
+    assert pooled.at_rate.range_p95_m < 0.7 * pooled.published.range_p95_m
+    for one in told.left_out:
+        assert one.at_misses.range_p95_m < 0.7 * one.published.range_p95_m
     assert pooled.at_misses.false_stays_per_h < 0.3 * pooled.published.false_stays_per_h
     fewer = [
         row.at_rate.score.missed <= 0.7 * row.published.score.missed
@@ -93,4 +96,4 @@ def test_the_likelihood_tells_as_many_passes_from_nearer_by(recordings: list[Wal
         if row.at_rate is not None and 3 <= row.published.score.missed <= 6
     ]
     assert len(fewer) >= 3
-    assert all(fewer)
+    assert sum(fewer) >= 0.8 * len(fewer)
