@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dap_node.peak_score import PeakTrial, try_peaks
 from dap_node.proximity import Proximity, ProximityDetector, ProximitySettings
-from dap_node.scanners.observation import Observation, Scan
+from dap_node.scanners.observation import Observation, Scan, SetDown
 from dap_node.scanners.simulated import SimulatedScanner
 from dap_node.settings import DapSettings
 from dap_node.true_range import TrueRange
@@ -98,16 +98,12 @@ def try_links(
 ) -> list[LinkTrial]:
     """Return how a DAP did with each of the responders whose true ``ranges`` are known.
 
-    ``observations`` are in nanoseconds of the clock that ``ranges`` go by.
+    ``observations`` are in nanoseconds of the clock that ``ranges`` go by, readings as heard.
     """
-    events = list(detect(observations, settings.proximity, settings.offset_db))
+    scans = list(to_scale(observations, settings))
+    events = list(detect(scans, settings.proximity))
     peaks = PeakDetector(settings.peaks)
-    told = [
-        (observation.time_ns, peak)
-        for observation in observations
-        if isinstance(observation, Scan)
-        for peak in _hear(peaks, observation, settings.offset_db)
-    ]
+    told = [(scan.time_ns, peak) for scan in scans for peak in _hear(peaks, scan)]
     return [
         _trial(
             [event for event in events if event.responder_id == responder_id],
@@ -141,14 +137,28 @@ def _trial(
     )
 
 
-def detect(
-    observations: Iterable[Observation], settings: ProximitySettings, offset_db: float = 0.0
-) -> Iterator[Proximity]:
-    """Yield what a detector tells of ``observations``, ``offset_db`` added to each reading."""
+def to_scale(observations: Iterable[Observation], settings: DapSettings) -> Iterator[Scan]:
+    """Yield the scans on the product's scale: by models of radios, and as the DAP learns."""
+    scale = settings.scale()
+    for observation in observations:
+        if isinstance(observation, SetDown):
+            scale.set_down(observation.time_ns, observation.installer_id)
+        elif isinstance(observation, Scan):
+            time_ns = observation.time_ns
+            calibrated_dbm = {
+                responder_id: scale.calibrated_dbm(time_ns, responder_id, dbm)
+                for responder_id, dbm in observation.rssi_dbm.items()
+            }
+            yield Scan(time_ns, calibrated_dbm)
+            scale.tick(time_ns)
+
+
+def detect(observations: Iterable[Observation], settings: ProximitySettings) -> Iterator[Proximity]:
+    """Yield what a detector tells of ``observations``, whose readings are on its scale."""
     detector = ProximityDetector(settings)
     for observation in observations:
         if isinstance(observation, Scan):
-            yield from _hear(detector, observation, offset_db)
+            yield from _hear(detector, observation)
 
 
 def score(trials: Iterable[LinkTrial]) -> ProximityScore:
@@ -176,7 +186,7 @@ def score(trials: Iterable[LinkTrial]) -> ProximityScore:
     )
 
 
-def _hear(detector: Detector[Told], scan: Scan, offset_db: float) -> Sequence[Told]:
+def _hear(detector: Detector[Told], scan: Scan) -> Sequence[Told]:
     for responder_id, rssi_dbm in scan.rssi_dbm.items():
-        detector.add(scan.time_ns, responder_id, rssi_dbm + offset_db)
+        detector.add(scan.time_ns, responder_id, rssi_dbm)
     return detector.tick(scan.time_ns)

@@ -24,6 +24,9 @@ Array: TypeAlias = NDArray[np.float64]
 CELL_M = 0.5
 """A place is a square of the floor of this side."""
 
+LEAST_SPAN_M = 0.5
+"""Where ranges differ by less, nothing is said of how power falls with range."""
+
 READINGS_IN_WINDOW = 5.5
 """A window is to hold so many readings on average, some of which may be lost."""
 
@@ -44,8 +47,16 @@ class Measured(NamedTuple):
 def read_measured(path: Path) -> Measured:
     """Return the recording at ``path``; raise ``ValueError`` that says what is wrong with it."""
     if path.suffix == ".npz":
-        return of_walk(path.stem, read_walk_by(path))
-    return of_grid(path.name.removesuffix(".gz").removesuffix(".csv"), read_wifi_grid(path))
+        measured = of_walk(path.stem, read_walk_by(path))
+    else:
+        name = path.name.removesuffix(".gz").removesuffix(".csv")
+        measured = of_grid(name, read_wifi_grid(path))
+    range_m = measured.readings.range_m
+    if not range_m.size or np.ptp(range_m) < LEAST_SPAN_M:
+        raise ValueError(f"{path}: all its readings are of one range; give a walk that comes near")
+    if all(len(link.time_s) < READINGS_IN_WINDOW for link in measured.links):
+        raise ValueError(f"{path}: too few readings of each receiver; give a longer one")
+    return measured
 
 
 def of_walk(name: str, walk: WalkBy) -> Measured:

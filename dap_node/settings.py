@@ -38,10 +38,12 @@ class DapSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         if unknown:
             raise ValueError(f"model_of: no model_offset_db for {', '.join(unknown)}; give one")
 
+    def offset_of_db(self, responder_id: NodeId) -> float:
+        """Return what is added to a responder's readings, whatever is learnt."""
+        model = self.model_of.get(responder_id)
+        return self.offset_db + (0.0 if model is None else self.model_offset_db[model])
+
     def scale(self) -> Scale:
         """Return what brings readings to the product's scale, knowing of no installer yet."""
-        offset_of_db = {
-            responder_id: self.offset_db + self.model_offset_db[model]
-            for responder_id, model in self.model_of.items()
-        }
+        offset_of_db = {each: self.offset_of_db(each) for each in self.model_of}
         return Scale(self.offset_db, offset_of_db, self.calibration)

@@ -19,9 +19,14 @@ Array: TypeAlias = NDArray[np.float64]
 BESIDE_M = 2.0
 """Readings from within this say how strong the beacon is."""
 
+CLOSE_M, LEAST_SPAN_M = 8.0, 1.0
+"""Where there are none, those from within this do, by how power falls off there."""
+
 NOMINAL_AT_1_M_DBM = -40.0
 NOMINAL_EXPONENT = 2.2
 """What the product's scale takes a radio to be like near by."""
+
+LEAST_DBM, MOST_DBM = -200.0, 100.0
 
 _NEEDED = ("t_s", "receiver", "rssi_dbm", "receiver_xyz_m", "truth_xyz_m")
 
@@ -65,8 +70,10 @@ def read_walk_by(path: Path) -> WalkBy:
         raise NpzFileError(f"{path}: receiver points outside receiver_xyz_m; export it again")
     order = np.argsort(arrays["t_s"], kind="stable")
     time_s = arrays["t_s"][order]
-    if time_s[-1] - time_s[0] > 1e6:
+    if not 0.0 < time_s[-1] - time_s[0] < 1e6:
         raise NpzFileError(f"{path}: t_s spans {time_s[-1] - time_s[0]:.0f} s; give seconds")
+    if arrays["rssi_dbm"].min() < LEAST_DBM or arrays["rssi_dbm"].max() > MOST_DBM:
+        raise NpzFileError(f"{path}: rssi_dbm holds what no radio reads; give dBm")
     return WalkBy(
         time_s - time_s[0],
         receiver[order],
@@ -86,10 +93,17 @@ def offset_beside(range_m: Array, rssi_dbm: Array) -> float:
     """Return what is to be added to readings (n,) to bring their radio to the product's scale.
 
     It is the median of what those near by lack of the nominal power, as of a DAP whose installer
-    stands beside it. Raises ``ValueError`` where there are none.
+    stands beside it; of a walk that came by farther off, what the line through the closest lacks
+    at that range. Raises ``ValueError`` where nothing was close.
     """
     beside = range_m < BESIDE_M
-    if not beside.any():
+    if beside.any():
+        nominal_dbm = NOMINAL_AT_1_M_DBM - 10.0 * NOMINAL_EXPONENT * np.log10(range_m[beside])
+        return float(np.median(nominal_dbm - rssi_dbm[beside]))
+    close = range_m < CLOSE_M
+    if not close.any() or np.ptp(range_m[close]) < LEAST_SPAN_M:
         raise ValueError(f"no reading within {BESIDE_M:g} m to calibrate by; give --config")
-    nominal_dbm = NOMINAL_AT_1_M_DBM - 10.0 * NOMINAL_EXPONENT * np.log10(range_m[beside])
-    return float(np.median(nominal_dbm - rssi_dbm[beside]))
+    per_decade_db, at_1_m_dbm = np.polyfit(np.log10(range_m[close]), rssi_dbm[close], 1)
+    decades = np.log10(BESIDE_M)
+    nominal_dbm = NOMINAL_AT_1_M_DBM - 10.0 * NOMINAL_EXPONENT * decades
+    return float(nominal_dbm - (at_1_m_dbm + per_decade_db * decades))

@@ -24,7 +24,7 @@ from dap_node.radio_survey import survey, together
 from dap_node.settings import DapSettings
 from dap_node.survey_picture import draw_survey
 from dap_node.true_range import PASS_M
-from dap_node.walk_by import try_receivers
+from dap_node.walk_by import BEACON, try_receivers
 from shared.config import checked, load_toml
 from shared.exercise import seeds_in
 from shared.process import ExitCode
@@ -63,9 +63,9 @@ def evaluate(
     seeds
         Of a scenario: one seed, or the first and the last: 0-9.
     config
-        TOML file with offset_db, [proximity] and [peaks]. Recordings are brought to the usual
-        scale by their own readings near by unless it gives an offset_db, and windows are made as
-        long as their pace asks for unless it is given.
+        TOML file as 'run' takes it. Recordings are brought to the usual scale by their own
+        readings near by unless it gives an offset_db, or a model_of "beacon", and windows are made
+        as long as their pace asks for unless it is given.
     method
         Rule by which nearness is told, in place of the configured one.
     within
@@ -174,8 +174,9 @@ def _evaluate_recordings(
 def _measure(every: list[Measured], settings: DapSettings, within: float | None) -> Kind:
     """Measure the recordings of one kind."""
     chance = np.random.default_rng(0)
-    added_db = settings.offset_db or offset_db(every)
-    whole = msgspec.structs.replace(settings, offset_db=added_db)
+    given_db = settings.offset_of_db(BEACON)
+    added_db = given_db or offset_db(every)
+    whole = msgspec.structs.replace(settings, offset_db=added_db, model_of={})
     near_m = settings.proximity.range.near_m
     return Kind(
         name=every[0].kind,
@@ -183,7 +184,7 @@ def _measure(every: list[Measured], settings: DapSettings, within: float | None)
         together=survey(together([one.readings for one in every]), chance),
         offset_db=added_db,
         near_m=near_m,
-        comparison=compare(calibrated(every, settings.offset_db), settings.proximity, near_m),
+        comparison=compare(calibrated(every, given_db), settings.proximity, near_m),
         trials=[
             trial
             for one in every

@@ -11,12 +11,15 @@ import pytest
 from structlog.testing import capture_logs
 
 from dap_node.__main__ import app
+from dap_node.evaluation import to_scale
 from dap_node.measured import read_measured
 from dap_node.radio_survey import fit_path_loss
+from dap_node.scanners.observation import Scan
 from dap_node.settings import DapSettings
 from dap_node.walk_by import try_receivers
 from shared.npz_file import NpzFileError
 from shared.process import ExitCode
+from shared.units import NS_PER_S
 from shared.walk_by import calibration_db, read_walk_by
 
 RECEIVERS_M = np.array([[0.0, 0.5, 1.0], [20.0, 0.5, 1.0]])
@@ -79,14 +82,29 @@ def test_what_cannot_be_read_is_told_and_the_rest_measured(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (path.parent / "broken.npz").write_bytes(b"PK")
+    (path.parent / "empty.npz").write_bytes(b"")
+    stood = RECEIVERS_M[passing()["receiver"]] + [3.0, 0.0, 0.0]
+    np.savez(path.parent / "stood.npz", **passing() | {"truth_xyz_m": stood})
+    few = {name: values[:4] for name, values in passing().items() if name != "receiver_xyz_m"}
+    np.savez(path.parent / "few.npz", **few, receiver_xyz_m=RECEIVERS_M)
     (path.parent / "room.csv").write_text("a,b\n")
     picture = path.parent / "radio.png"
     command = ["evaluate", str(path.parent), "--plot", str(picture), "--within", "2"]
     with capture_logs() as logs:
         code = app(command, exit_on_error=False, result_action="return_value")
     assert code == ExitCode.FAILURE
-    assert ["broken.npz: not a whole" in log["event"] for log in logs] == [True, False]
-    assert "room.csv: its columns are a, b" in logs[1]["event"]
+    for (name, complaint), log in zip(
+        {
+            "broken.npz": "not a whole",
+            "empty.npz": "not a whole",
+            "few.npz": "too few readings",
+            "room.csv": "its columns are a, b",
+            "stood.npz": "all its readings are of one range",
+        }.items(),
+        logs,
+        strict=True,
+    ):
+        assert f"{name}: {complaint}" in log["event"]
     printed = capsys.readouterr().out
     assert "passes within 2 m" in printed
     assert "threshold" in printed
@@ -100,6 +118,8 @@ def test_what_cannot_be_read_is_told_and_the_rest_measured(
         ({"rssi_dbm": np.zeros(3)}, "rssi_dbm has shape"),
         ({"receiver": np.full(600, 7)}, "receiver points outside receiver_xyz_m"),
         ({"t_s": np.arange(600.0) * 1e6}, "t_s spans 599000000 s"),
+        ({"t_s": np.zeros(600)}, "t_s spans 0 s"),
+        ({"rssi_dbm": np.full(600, 1e9)}, "rssi_dbm holds what no radio reads"),
         ({"truth_xyz_m": np.full((600, 3), np.nan)}, "truth_xyz_m holds what is no number"),
         ({"receiver_xyz_m": np.float64(3.0)}, "receiver_xyz_m has shape"),
     ],
@@ -134,6 +154,34 @@ def test_what_cannot_be_evaluated_is_told(
         code = app(["evaluate", *names], exit_on_error=False, result_action="return_value")
     assert code == ExitCode.USAGE
     assert complaint in logs[-1]["event"]
+
+
+def test_a_walk_that_came_no_nearer_is_brought_to_scale_by_how_power_falls(path: Path) -> None:
+    recording = read_walk_by(path)
+    off = recording._replace(beacon_m=recording.beacon_m + np.array([0.0, 4.0, 0.0]))
+    fallen = off._replace(rssi_dbm=-60.0 - 22.0 * np.log10(off.slant_m))
+    assert off.slant_m.min() > 3.0
+    assert calibration_db([fallen]) == pytest.approx(20.0, abs=0.1)
+
+
+def test_radios_of_a_model_are_judged_by_its_offset() -> None:
+    scans = [Scan(NS_PER_S, {"r1": -60.0, "r2": -60.0}), Scan(2 * NS_PER_S, {})]
+    settings = DapSettings(offset_db=2.0, model_offset_db={"quiet": 7.0}, model_of={"r2": "quiet"})
+    assert [scan.rssi_dbm for scan in to_scale(scans, settings)] == [
+        {"r1": -58.0, "r2": -51.0}, {},
+    ]  # fmt: skip
+
+
+def test_the_beacon_of_recordings_may_be_of_a_model(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "dap.toml"
+    config.write_text('[model_offset_db]\nquiet = 20.0\n[model_of]\nbeacon = "quiet"\n')
+    command = ["evaluate", str(path), "--json", "--config", str(config)]
+    assert app(command, exit_on_error=False, result_action="return_value") == ExitCode.OK
+    told = msgspec.json.decode(capsys.readouterr().out)
+    assert told["offset_db"] == 20.0
+    assert (told["peaks"]["passes"], told["peaks"]["noticed"]) == (2, 2)
 
 
 def test_without_a_reading_near_by_there_is_no_calibration(path: Path) -> None:
