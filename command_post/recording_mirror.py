@@ -7,11 +7,12 @@ takes what has waited.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import msgspec
 
-from command_post.gateways.foxglove import FoxgloveBoard
+from command_post.gateways.foxglove import Drawing, FoxgloveBoard
 from command_post.gateways.foxglove_schemas import drawable_schema, schema_name
 from shared.geodesy import Origin
 from shared.messages import Message, OutsideWord
@@ -40,20 +41,27 @@ class Mirror:
         self._board = FoxgloveBoard(origin)
         self._drawn: list[Drawn] = []
         self._bytes = 0
+        self._again = False
 
     def take(self, message: Message, time_ns: int, *, outgoing: bool) -> None:
         """Draw a message that was recorded at ``time_ns``, if it is of the post (``outgoing``)."""
         if not outgoing and not isinstance(message, OutsideWord):
             return
-        for topic, drawing, at_ns in self._board.take(message, time_ns):
+        if self._again:
+            self._add(self._board.standing(time_ns))
+            self._again = False
+        self._add(self._board.take(message, time_ns))
+
+    def draw_again(self) -> None:
+        """Draw everything once more that stands, with what comes next: a new part begins."""
+        self._again = True
+
+    def _add(self, drawings: Iterable[Drawing]) -> None:
+        for topic, drawing, at_ns in drawings:
             kind = type(drawing)
             data = msgspec.json.encode(drawing)
             self._drawn.append(Drawn(topic, schema_name(kind), drawable_schema(kind), data, at_ns))
             self._bytes += len(data)
-
-    def draw_again(self) -> None:
-        """Draw everything once more that stands: a new part of the recording begins."""
-        self._board.draw_again()
 
     @property
     def is_due(self) -> bool:

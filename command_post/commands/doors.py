@@ -1,4 +1,4 @@
-"""Whom a running post lets look in, and talks to: its page, and a TAK server."""
+"""Whom a running post lets look in, and talks to: its page, a TAK server, and Foxglove."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from cyclopts import Parameter
 
+from command_post.gateways.foxglove_live import foxglove_address, foxglove_served
 from command_post.gateways.tak import TakServer, checked_server, linked_to_tak
 from command_post.listening import Address
 from command_post.post import Guest
@@ -41,6 +42,9 @@ class Doors:
         Its private key (PEM).
     tak_ca
         The TAK server's authority (PEM).
+    foxglove
+        HOST:PORT of this machine where Foxglove or Lichtblick finds the incident, as in
+        127.0.0.1:8765.
 
     """
 
@@ -51,10 +55,12 @@ class Doors:
     tak_cert: Path | None = None
     tak_key: Path | None = None
     tak_ca: Path | None = None
+    foxglove: str | None = None
 
     def check(self, bundle: Bundle | None) -> None:
         """Raise ``ValueError`` for options that cannot be used, before anything is begun."""
         self._address(bundle)
+        self._foxglove_address()
         if self._server is not None and self.place is None:
             raise ValueError("--tak: give --origin LATITUDE,LONGITUDE: TAK knows the Earth alone")
 
@@ -70,11 +76,15 @@ class Doors:
         with (
             page_served(address, incident, post_id, bundle, self.people, place) as page,
             linked_to_tak(self._server, incident, place) as link,
+            foxglove_served(self._foxglove_address(), incident, place) as door,
         ):
-            yield tuple(guest for guest in (page, link) if guest is not None)
+            yield tuple(guest for guest in (page, link, door) if guest is not None)
 
     def _address(self, bundle: Bundle | None) -> Address | None:
         return None if self.page is None else page_address(self.page, bundle, self.people)
+
+    def _foxglove_address(self) -> Address | None:
+        return None if self.foxglove is None else foxglove_address(self.foxglove)
 
     @property
     def place(self) -> Origin | None:

@@ -47,6 +47,7 @@ from shared.geodesy import Origin
 from shared.messages import (
     Alert,
     DapEstimate,
+    LocalPosition,
     Message,
     Order,
     OutsideWord,
@@ -90,25 +91,21 @@ class FoxgloveBoard:
         """Without ``origin`` nothing is drawn on the map."""
         self._origin = origin
         self._told_ns: dict[str, int] = {}
-        self._tracks: dict[str, TrackView] = {}
-        self._daps: dict[str, DapRow] = {}
+        self._tracks: dict[str, TrackEstimate] = {}
+        self._daps: dict[str, LocalPosition] = {}
         self._mapped_ns: int | None = None
-        self._undrawn: set[str] = set()
-        """Access points that are to be drawn though nothing is said of them."""
-
-    def draw_again(self) -> None:
-        """Draw everything that stands as soon as anything is said, for who has not seen it."""
-        self._told_ns.clear()
-        self._mapped_ns = None
-        self._undrawn.update(self._daps)
 
     def take(self, message: Message, time_ns: int) -> Iterator[Drawing]:
         """Yield what is to be drawn of ``message``, which was said at ``time_ns``."""
         match message:
-            case TrackEstimate():
-                yield from self._track(message, time_ns)
-            case DapEstimate():
-                yield from self._dap(message, time_ns)
+            case TrackEstimate(responder_id=name):
+                self._tracks[name] = message
+                told_ns = self._told_ns.get(name)
+                if told_ns is None or not 0 <= time_ns - told_ns < TRACK_PERIOD_NS:
+                    yield from self._track(message, time_ns)
+            case DapEstimate(dap_id=name, position=place):
+                self._daps[name] = place
+                yield _dap(name, place, time_ns)
             case Alert():
                 yield Drawing("/log", _alert_log(message), time_ns)
             case Order():
@@ -118,50 +115,47 @@ class FoxgloveBoard:
             case OutsideWord():
                 words = f"{message.kind} of {message.callsign}: {message.words}".rstrip(": ")
                 yield Drawing("/log", Log(_time(time_ns), INFO, words, "outside"), time_ns)
-        for name in sorted(self._undrawn):
-            yield from self._drawn_dap(name, time_ns)
-        self._undrawn.clear()
-        if self._origin is not None and self._is_map_due(time_ns):
-            self._mapped_ns = time_ns
-            scene = Scene(list(self._tracks.values()), {}, tuple(self._daps.values()))
-            text = msgspec.json.encode(feature_collection(scene, self._origin)).decode()
-            yield Drawing("/map", GeoJSON(text), time_ns)
+        mapped_ns = self._mapped_ns
+        if mapped_ns is None or not 0 <= time_ns - mapped_ns < MAP_PERIOD_NS:
+            yield from self._map(time_ns)
+
+    def standing(self, time_ns: int) -> Iterator[Drawing]:
+        """Yield everything as it stands, for who has not seen it."""
+        for _, track in sorted(self._tracks.items()):
+            yield from self._track(track, time_ns)
+        for name, place in sorted(self._daps.items()):
+            yield _dap(name, place, time_ns)
+        yield from self._map(time_ns)
 
     def _track(self, track: TrackEstimate, time_ns: int) -> Iterator[Drawing]:
-        name = track.responder_id
-        self._tracks[name] = track_view(track)
-        told_ns = self._told_ns.get(name)
-        if told_ns is not None and 0 <= time_ns - told_ns < TRACK_PERIOD_NS:
-            return
-        self._told_ns[name] = time_ns
-        topic = f"/responders/{name}"
+        self._told_ns[track.responder_id] = time_ns
+        topic = f"/responders/{track.responder_id}"
         yield Drawing(f"{topic}/frame", _frame(track), time_ns)
-        yield Drawing(f"{topic}/scene", SceneUpdate([_responder(self._tracks[name])]), time_ns)
+        yield Drawing(f"{topic}/scene", SceneUpdate([_responder(track_view(track))]), time_ns)
         if self._origin is not None:
             yield Drawing(f"{topic}/location", _location(track, self._origin), time_ns)
 
-    def _dap(self, dap: DapEstimate, time_ns: int) -> Iterator[Drawing]:
-        self._daps[dap.dap_id] = DapRow(
-            dap.dap_id, "installed", "", dap.position, None, None, None, None
-        )
-        self._undrawn.discard(dap.dap_id)
-        yield from self._drawn_dap(dap.dap_id, time_ns)
-
-    def _drawn_dap(self, dap_id: str, time_ns: int) -> Iterator[Drawing]:
-        place = self._daps[dap_id].position
-        if place is None:
+    def _map(self, time_ns: int) -> Iterator[Drawing]:
+        if self._origin is None or not self._tracks:
             return
-        at = Pose(_place(place.north_m, place.east_m, place.down_m))
-        entity = SceneEntity(
-            timestamp=_time(time_ns), frame_id=FRAME, id=dap_id,
-            cubes=[CubePrimitive(at, Vector3(0.4, 0.4, 0.4), _DAP_COLOR)],
-            texts=[_label(at.position, dap_id, _DAP_COLOR)],
-        )  # fmt: skip
-        yield Drawing(f"/daps/{dap_id}", SceneUpdate([entity]), time_ns)
+        self._mapped_ns = time_ns
+        daps = tuple(
+            DapRow(name, "installed", "", place, None, None, None, None)
+            for name, place in self._daps.items()
+        )
+        scene = Scene([track_view(each) for each in self._tracks.values()], {}, daps)
+        text = msgspec.json.encode(feature_collection(scene, self._origin)).decode()
+        yield Drawing("/map", GeoJSON(text), time_ns)
 
-    def _is_map_due(self, time_ns: int) -> bool:
-        since_ns = MAP_PERIOD_NS if self._mapped_ns is None else time_ns - self._mapped_ns
-        return bool(self._tracks) and not 0 <= since_ns < MAP_PERIOD_NS
+
+def _dap(dap_id: str, place: LocalPosition, time_ns: int) -> Drawing:
+    at = Pose(_place(place.north_m, place.east_m, place.down_m))
+    entity = SceneEntity(
+        timestamp=_time(time_ns), frame_id=FRAME, id=dap_id,
+        cubes=[CubePrimitive(at, Vector3(0.4, 0.4, 0.4), _DAP_COLOR)],
+        texts=[_label(at.position, dap_id, _DAP_COLOR)],
+    )  # fmt: skip
+    return Drawing(f"/daps/{dap_id}", SceneUpdate([entity]), time_ns)
 
 
 def _frame(track: TrackEstimate) -> FrameTransform:
