@@ -18,13 +18,14 @@ from urllib.parse import urlsplit
 
 import structlog
 
-from command_post.gateways.cot import LONGEST_EVENT_BYTES, Heard, read_event
+from command_post.gateways.cot import LONGEST_EVENT_BYTES, Heard
+from command_post.gateways.cot_stream import EventStream, OutsideWords
 from command_post.gateways.tak_board import TakBoard
 from command_post.roster import Roster
 from shared.bus.inbox import Inbox
 from shared.codec import encode
 from shared.geodesy import Origin
-from shared.messages import LocalPosition, NodeId, OutsideWord
+from shared.messages import NodeId, OutsideWord
 from shared.topics import Key
 
 TAK_ID = "tak"
@@ -33,11 +34,6 @@ TAK_ID = "tak"
 TELL_PERIOD_S = 1.0
 RETRY_S = 3.0
 MOST_HEARD = 256
-PLACE_SD_M = 10.0
-"""How well a place from TAK is known, where nothing says it."""
-
-_END = b"</event>"
-
 _log = structlog.stdlib.get_logger(__name__)
 
 
@@ -75,7 +71,7 @@ class TakLink:
         self._board = TakBoard(incident, origin)
         self._heard: Inbox[OutsideWord] = Inbox(MOST_HEARD)
         self._stop = threading.Event()
-        self._sequence = 0
+        self._words = OutsideWords(origin)
 
     def published(self, key_text: str, payload: bytes) -> None:
         """Take in what the post has published."""
@@ -138,35 +134,18 @@ class TakLink:
                 await writer.wait_closed()
 
     async def _hear(self, reader: asyncio.StreamReader) -> None:
-        held = b""
+        events = EventStream()
         while data := await reader.read(LONGEST_EVENT_BYTES):
-            *events, held = (held + data).split(_END)
-            for event in events:
-                heard = read_event(event.lstrip() + _END)
-                if heard is not None:
-                    self._note(heard)
-            if len(held) > LONGEST_EVENT_BYTES:
-                held = b""
+            for heard in events.feed(data):
+                self._note(heard)
         raise OSError("the server has closed the link")
 
     def _note(self, heard: Heard) -> None:
-        position = None
-        if heard.place is not None:
-            north_m, east_m, down_m = self._origin.local(heard.place)
-            variance_m2 = PLACE_SD_M**2
-            if max(abs(north_m), abs(east_m), abs(down_m)) < 1e6:
-                position = LocalPosition(
-                    north_m=north_m, east_m=east_m, down_m=down_m,
-                    covariance_m2=(variance_m2, 0.0, variance_m2),
-                )  # fmt: skip
-        self._sequence += 1
-        self._heard.put(
-            OutsideWord(
-                event_time_ns=time.time_ns(), sequence=self._sequence, kind=heard.kind,
-                uid=heard.uid, callsign=heard.callsign or heard.uid, words=heard.words,
-                position=position,
-            )
-        )  # fmt: skip
+        word = self._words.word(heard, time.time_ns())
+        if word is None:
+            _log.warning("a mayday from TAK is passed over: too many stand", uid=heard.uid)
+        else:
+            self._heard.put(word)
 
     def _due(self) -> list[bytes]:
         with self._lock:
