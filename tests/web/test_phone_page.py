@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from itertools import islice
 
 import pytest
@@ -29,12 +30,14 @@ MOVES = """(first) => {
 def test_motion_is_sent_and_sent_again_after_the_link_was_lost() -> None:
     server = PhoneServer("127.0.0.1:0", lambda: NOW_NS, None, "secret")
     readings = server.readings()
+    assert isinstance(readings, Generator)
     assert isinstance(next(readings), Quiet)
     with chromium() as browser:
         page = browser.new_page()
         watched = Watched(page)
         page.goto(server.url)
         page.get_by_role("button", name="Send this phone's motion").press("Enter")
+        page.get_by_role("status").filter(has_text="Waiting for the sensors").wait_for()
         page.evaluate(MOVES, 0)
         page.get_by_role("status").filter(has_text="200 readings sent").wait_for()
         page.evaluate("link.close()")
