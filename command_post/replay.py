@@ -7,6 +7,7 @@ the report says how many differ, and where first.
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -95,10 +96,15 @@ def recorded_settings(path: Path) -> IncidentSettings:
         raise RecordingError(f"{path}: {error}") from error
 
 
-def replay(path: Path, incident: Incident, sides: Sides | None = None) -> ReplayReport:
+def replay(
+    path: Path,
+    incident: Incident,
+    sides: Sides | None = None,
+    watch: Callable[[int], None] = lambda _: None,
+) -> ReplayReport:
     """Let ``incident`` handle all that was received; compare what it makes with what was made.
 
-    ``sides`` take in both.
+    ``sides`` take in both. ``watch`` is told the time of each message before it is handled.
 
     The post's clock reads what it read then, so nothing depends on how fast this runs. An
     incident that was not finished in the recording is not finished here. Raises
@@ -108,6 +114,7 @@ def replay(path: Path, incident: Incident, sides: Sides | None = None) -> Replay
     comparison = _Comparison()
     handled = 0
     for log_time_ns, _, key, payload, outgoing in recording:
+        watch(log_time_ns)
         if outgoing:
             comparison.add(_RECORDED, key, payload)
             if sides is not None:

@@ -12,11 +12,14 @@ import structlog
 from rich.console import Console
 from rich.table import Table
 
+from command_post.evidence import Evidence
 from command_post.fusion.interface import Afterwards, SmoothedTrack
 from command_post.fusion.track_map import TrackMap, map_of
 from command_post.incident import Incident
 from command_post.plan_file import with_plan
-from command_post.replay import recorded_settings, replay
+from command_post.replay import Sides, recorded_settings, replay
+from command_post.review.comparison import tracks_of
+from command_post.track_difference import TrackDifference, differences
 from shared.config import ConfigError
 from shared.files import replace_atomically
 from shared.mcap_reader import RecordingError
@@ -43,6 +46,8 @@ class AfterAction(msgspec.Struct, frozen=True, kw_only=True):
     tracks: dict[str, list[SmoothedStance]]
     daps: dict[str, LocalPosition]
     track_map: TrackMap
+    from_live: dict[str, TrackDifference] = {}
+    """How far each way is from what the post told meanwhile."""
 
 
 def afterwards(
@@ -64,15 +69,17 @@ def afterwards(
         Print the same instead of a table.
 
     """
+    sides = Sides(Evidence(), Evidence())
     try:
-        found = smoothed(file, plan)
+        found = smoothed(file, plan, sides)
     except (RecordingError, ConfigError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     if found is None or not found.tracks:
         _log.error(f"{file}: nobody's way is in it, or it was fused by a method that smooths none")
         return ExitCode.FAILURE
-    told = after_action(found)
+    apart = differences(sides.then.tracks("live"), tracks_of(found))
+    told = msgspec.structs.replace(after_action(found), from_live=apart)
     encoded = msgspec.json.format(msgspec.json.encode(told), indent=1) + b"\n"
     if output is not None:
         try:
@@ -85,19 +92,20 @@ def afterwards(
         sys.stdout.buffer.write(encoded)
         sys.stdout.buffer.flush()
     else:
-        Console().print(_table(found, told.track_map))
+        Console().print(_table(found, told))
     return ExitCode.OK
 
 
-def smoothed(file: Path, plan: Path | None = None) -> Afterwards | None:
+def smoothed(file: Path, plan: Path | None = None, sides: Sides | None = None) -> Afterwards | None:
     """Return what a recording comes to with all that is in it, and with a plan, if one is given.
 
-    Raises ``RecordingError``, and ``ConfigError`` for the plan.
+    ``sides`` take in what the post told, then and now. Raises ``RecordingError``, and
+    ``ConfigError`` for the plan.
     """
     settings = recorded_settings(file)
     fusion = with_plan(settings.fusion, plan)
     incident = Incident(msgspec.structs.replace(settings, fusion=fusion))
-    replay(file, incident)
+    replay(file, incident, sides)
     return incident.afterwards()
 
 
@@ -120,14 +128,18 @@ def _stances(track: SmoothedTrack) -> list[SmoothedStance]:
     ]
 
 
-def _table(found: Afterwards, walked: TrackMap) -> Table:
-    table = Table("Responder", "walked", "climbed", "give or take, median", title="Afterwards")
+def _table(found: Afterwards, told: AfterAction) -> Table:
+    columns = ("Responder", "walked", "climbed", "give or take, median", "from the live track")
+    table = Table(*columns, title="Afterwards")
     for name, track in sorted(found.tracks.items()):
         step_m = np.diff(track.position_m, axis=0)
         walked_m = float(np.hypot(step_m[:, 0], step_m[:, 1]).sum())
         climbed_m = float(np.maximum(-step_m[:, 2], 0.0).sum())
         spread_m = float(np.sqrt(np.median(track.covariance_m2[:, [0, 2]].mean(axis=1))))
-        table.add_row(name, f"{walked_m:.0f} m", f"{climbed_m:.1f} m", f"{spread_m:.2f} m")
+        apart = told.from_live.get(name)
+        off = "" if apart is None else f"{apart.median_m:.2f} m, at most {apart.most_m:.2f} m"
+        table.add_row(name, f"{walked_m:.0f} m", f"{climbed_m:.1f} m", f"{spread_m:.2f} m", off)
+    walked = told.track_map
     kinds = [node.kind for node in walked.nodes]
     length_m = sum(edge.length_m for edge in walked.edges)
     table.caption = (

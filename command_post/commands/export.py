@@ -8,7 +8,8 @@ from pathlib import Path
 import structlog
 
 from command_post.commands.afterwards import smoothed
-from command_post.exports.formats import FORMATS, NEEDS_ORIGIN, exported
+from command_post.exports.endings import FORMATS, NEEDS_ORIGIN
+from command_post.exports.formats import exported
 from command_post.exports.material import material_of
 from command_post.review.past import Past
 from shared.config import ConfigError

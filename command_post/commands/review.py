@@ -10,9 +10,12 @@ from pathlib import Path
 import structlog
 
 from command_post.listening import Address, listening_address
+from command_post.review.background import Background
 from command_post.review.past import Past
-from command_post.web.review_app import make_review_app
+from command_post.review.wishes import Sources
+from command_post.web.review_app import Exhibit, make_review_app
 from command_post.web.serving import served
+from shared.geodesy import parse_origin
 from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import RecordingError
 from shared.process import ExitCode, stop_on_signals
@@ -21,7 +24,14 @@ from shared.recording_parts import parts_of
 _log = structlog.stdlib.get_logger(__name__)
 
 
-def review(file: Path, *, page: str = "127.0.0.1:8080") -> int:
+def review(
+    file: Path,
+    *,
+    page: str = "127.0.0.1:8080",
+    origin: str | None = None,
+    plan: Path | None = None,
+    settings: Path | None = None,
+) -> int:
     """Show a recording in the commander's page, as it was at any moment, until SIGINT or SIGTERM.
 
     Nothing in it can be ordered or dealt with. Example: command-post review incident.mcap
@@ -33,21 +43,45 @@ def review(file: Path, *, page: str = "127.0.0.1:8080") -> int:
         first, or their folder.
     page
         HOST:PORT of this machine where a browser finds it.
+    origin
+        Where the incident's origin is, as of 'run', for exports as GeoJSON and KML.
+    plan
+        The building's walls, in GeoJSON, to compare with.
+    settings
+        Settings of the fusion (TOML) to compare with.
 
     """
     try:
         address = _address(page)
+        place = None if origin is None else parse_origin(origin)
+        sources = _checked(Sources(file, plan, settings))
         parts = [part.path for part in parts_of(file)]
         with stop_on_signals() as stop, IndexedRecording(parts) as recording:
             past = Past(recording)
             if not recording.finished or recording.damages:
                 _log.warning(f"{file}: not whole: 'command-post verify' says what is missing")
-            with _read_aside(past), served(lambda ends: make_review_app(past, ends), address, None):
+            with (
+                _read_aside(past),
+                Background(sources, past.begin_ns, past.end_ns) as background,
+                served(
+                    lambda ends: make_review_app(Exhibit(past, background, place), ends),
+                    address,
+                    None,
+                ),
+            ):
                 stop.wait()
     except (RecordingError, ValueError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
+
+
+def _checked(sources: Sources) -> Sources:
+    """Return sources whose files are there; what is in them is told where they are used."""
+    for path in (sources.plan, sources.settings):
+        if path is not None and not path.is_file():
+            raise ValueError(f"{path}: no such file; give another")
+    return sources
 
 
 def _address(text: str) -> Address:

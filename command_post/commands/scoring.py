@@ -12,15 +12,15 @@ from rich.console import Console
 from command_post.evaluation.errors import measure
 from command_post.evaluation.score_card import Score, score
 from command_post.evidence import Evidence
-from command_post.fusion.settings import FusionMethod, FusionSettings
-from command_post.incident import Incident, IncidentSettings
+from command_post.fusion.settings import FusionMethod
+from command_post.incident import Incident
 from command_post.picture import draw_tracks
-from command_post.plan_file import with_plan
 from command_post.replay import Sides, recorded_settings
 from command_post.replay import replay as replay_recording
+from command_post.review.comparison import other_settings
 from command_post.score_table import score_table
 from command_post.track_difference import differences
-from shared.config import ConfigError, load_toml
+from shared.config import ConfigError
 from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode
 from shared.simulation.plan import Plan, load_plan
@@ -58,7 +58,7 @@ def replay(
     """
     sides = Sides(Evidence(), Evidence())
     try:
-        told_settings = _other_settings(recorded_settings(file), fusion, settings, plan)
+        told_settings = other_settings(recorded_settings(file), fusion, settings, plan)
         report = replay_recording(file, Incident(told_settings), sides)
     except (RecordingError, ConfigError) as error:
         _log.error(str(error))
@@ -86,15 +86,6 @@ def replay(
                 highlight=False,
             )
     return ExitCode.OK if report.identical else ExitCode.FAILURE
-
-
-def _other_settings(
-    recorded: IncidentSettings, method: FusionMethod | None, file: Path | None, plan: Path | None
-) -> IncidentSettings:
-    fusion = recorded.fusion if file is None else load_toml(file, FusionSettings)
-    if method is not None:
-        fusion = msgspec.structs.replace(fusion, method=method)
-    return msgspec.structs.replace(recorded, fusion=with_plan(fusion, plan))
 
 
 def score_file(

@@ -1,24 +1,15 @@
-"""Which formats a recording is exported to, by the endings of their files' names."""
+"""Makes a file of a recording, in the format that its name's ending says."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from command_post.exports.endings import FORMATS, NEEDS_ORIGIN
 from command_post.exports.maps import geojson_of, kml_of
 from command_post.exports.material import Material
 from command_post.exports.report import report_of
 from command_post.exports.table import csv_of
 from shared.geodesy import Origin
-
-FORMATS: dict[str, str] = {
-    ".csv": "text/csv",
-    ".geojson": "application/geo+json",
-    ".kml": "application/vnd.google-earth.kml+xml",
-    ".html": "text/html",
-}
-"""Media types, by ending."""
-
-NEEDS_ORIGIN = frozenset({".geojson", ".kml"})
 
 
 def exported(ending: str, material: Material, file: Path, origin: Origin | None) -> bytes:

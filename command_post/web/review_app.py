@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import math
+import secrets
 from http import HTTPStatus
 from importlib.resources import files
 from itertools import pairwise
+from typing import NamedTuple
 
+import msgspec
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -19,13 +22,19 @@ from starlette.responses import Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from command_post.exports.endings import FORMATS, NEEDS_ORIGIN
+from command_post.exports.material import Material, material_of
+from command_post.review.background import Background
 from command_post.review.past import Past
 from command_post.review.timeline import timeline_of
-from command_post.web.answers import RefusedError, json_answer, tell_refusal
+from command_post.review.wishes import Wish
+from command_post.web.answers import RefusedError, body_of, json_answer, tell_refusal
 from command_post.web.board import Changes
 from command_post.web.guard import Guard
+from command_post.web.openapi import TOKEN_HEADER
 from command_post.web.people import LOCAL_NAME
 from command_post.web.serving import LOCAL_NAMES, Ends
+from shared.geodesy import Origin
 from shared.units import NS_PER_S
 
 WAIT_S = 0.02
@@ -35,9 +44,17 @@ ROSTER_EVERY = 3
 """Of moments that follow one another, each third one has the roster."""
 
 
-def make_review_app(past: Past, ends: Ends) -> Starlette:
+class Exhibit(NamedTuple):
+    """A recording to be shown: its past, what it is compared by, and where on the Earth it was."""
+
+    past: Past
+    background: Background
+    origin: Origin | None = None
+
+
+def make_review_app(exhibit: Exhibit, ends: Ends) -> Starlette:
     """Return the page of a recording; who waits for what is not read yet goes when it ``ends``."""
-    api = _Review(past, ends)
+    api = _Review(exhibit, ends)
     static = files("command_post.web") / "static"
     return Starlette(
         routes=[
@@ -50,9 +67,13 @@ def make_review_app(past: Past, ends: Ends) -> Starlette:
 
 
 class _Review:
-    def __init__(self, past: Past, ends: Ends) -> None:
-        self._past = past
+    def __init__(self, exhibit: Exhibit, ends: Ends) -> None:
+        self._past = exhibit.past
+        self._background = exhibit.background
+        self._origin = exhibit.origin
         self._ends = ends
+        self._token = secrets.token_urlsafe(32)
+        self._material: Material | None = None
 
     def routes(self) -> list[Route]:
         return [
@@ -60,6 +81,10 @@ class _Review:
             Route("/timeline", self.timeline),
             Route("/moment", self.moment),
             Route("/moments", self.moments),
+            Route("/comparison", self.comparison),
+            Route("/comparison", self.compare, methods=["POST"]),
+            Route("/comparison/result", self.compared),
+            Route("/export/incident.{ending}", self.export),
         ]
 
     async def me(self, _: Request) -> Response:
@@ -67,7 +92,7 @@ class _Review:
         return json_answer(
             {
                 "incident": settings.incident, "post": settings.post_id, "name": LOCAL_NAME,
-                "role": "viewer", "review": True,
+                "role": "viewer", "review": True, "token": self._token,
             }
         )  # fmt: skip
 
@@ -97,6 +122,58 @@ class _Review:
             ]
 
         return json_answer(await asyncio.to_thread(told))
+
+    async def comparison(self, _: Request) -> Response:
+        """Answer what there is to compare with, and how far the newest wish is."""
+        sources, progress = self._background.sources, self._background.progress
+        return json_answer(
+            {
+                "plan": sources.plan is not None, "settings": sources.settings is not None,
+                **progress._asdict(),
+            }
+        )  # fmt: skip
+
+    async def compare(self, request: Request) -> Response:
+        """Begin a comparison: it takes this machine's time, and nothing else."""
+        if request.headers.get(TOKEN_HEADER) != self._token:
+            raise RefusedError(HTTPStatus.FORBIDDEN, f"give the session's token in {TOKEN_HEADER}")
+        wish, sources = await body_of(request, Wish), self._background.sources
+        if (wish.plan and sources.plan is None) or (wish.settings and sources.settings is None):
+            why = "there is none: start the review with --plan or --settings"
+            raise RefusedError(HTTPStatus.CONFLICT, why)
+        await asyncio.to_thread(self._background.begin, wish)
+        return json_answer({}, HTTPStatus.ACCEPTED)
+
+    async def compared(self, _: Request) -> Response:
+        result = self._background.result
+        if result is None:
+            raise RefusedError(HTTPStatus.NOT_FOUND, "nothing has been compared yet")
+        return json_answer(await asyncio.to_thread(msgspec.to_builtins, result))
+
+    async def export(self, request: Request) -> Response:
+        """Answer the recording in a format of ``command-post export``, to be kept."""
+        ending = f".{request.path_params['ending']}"
+        if ending not in FORMATS:
+            raise RefusedError(HTTPStatus.NOT_FOUND, f"use one of {', '.join(FORMATS)}")
+        if ending in NEEDS_ORIGIN and self._origin is None:
+            why = "nobody has said where on the Earth this was: start the review with --origin"
+            raise RefusedError(HTTPStatus.CONFLICT, why)
+        content = await asyncio.to_thread(self._exported, ending)
+        name = f"{self._past.settings.incident}{ending}"
+        return Response(
+            content,
+            media_type=FORMATS[ending],
+            headers={"Content-Disposition": f'attachment; filename="{name}"'},
+        )
+
+    def _exported(self, ending: str) -> bytes:
+        # What draws pictures is loaded once there is somebody who wants some.
+        from command_post.exports.formats import exported  # noqa: PLC0415
+
+        if self._material is None:
+            self._material = material_of(self._past)
+        path = self._background.sources.recording
+        return exported(ending, self._material, path, self._origin)
 
     def _ns(self, at_s: float) -> int:
         """Return a time on the post's clock; beyond the recording there is its beginning or end."""

@@ -10,9 +10,12 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from command_post.listening import Address
+from command_post.review.background import Background
 from command_post.review.past import Past
-from command_post.web.review_app import make_review_app
+from command_post.review.wishes import Sources
+from command_post.web.review_app import Exhibit, make_review_app
 from command_post.web.serving import served
+from shared.geodesy import Origin
 from shared.mcap_index import IndexedRecording
 from tests.eventful import eventful
 from tests.waiting import DEADLINE_S
@@ -21,6 +24,7 @@ from tests.web.browser import CHROMIUM, Watched, chromium
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
 SIZES = [(390, 844), (1920, 1080), (1024, 768)]
+ORIGIN = Origin(latitude_deg=37.5665, longitude_deg=126.978)
 PATIENCE_MS = 1e3 * DEADLINE_S
 
 
@@ -31,7 +35,14 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         past = Past(recording)
         for _ in past.read():
             pass
-        with served(lambda ends: make_review_app(past, ends), Address("127.0.0.1", 0), None) as url:
+        with (
+            Background(Sources(path), past.begin_ns, past.end_ns) as background,
+            served(
+                lambda ends: make_review_app(Exhibit(past, background, ORIGIN), ends),
+                Address("127.0.0.1", 0),
+                None,
+            ) as url,
+        ):
             yield url
 
 
@@ -82,5 +93,18 @@ def test_a_recording_is_gone_through(url: str, page: Page) -> None:
     expect(alert).to_have_count(0)
     page.get_by_role("button", name="Pause").click()
     expect(page.get_by_role("button", name="Play")).to_be_visible()
+
+    page.locator("#compare summary").click()
+    page.locator("#compare-go").click()
+    scrub.press("End")
+    row = page.locator("#differences tbody tr").first
+    expect(row.locator("td").first).to_have_text("r1")
+    expect(row.locator("td").nth(1)).to_contain_text(" m")
+    page.get_by_role("button", name="Play").focus()
+    row.get_by_role("button").click()
+    expect(clock).not_to_contain_text("(+0:03:5")
+    with page.expect_download() as downloaded:
+        page.get_by_role("link", name="KML").click()
+    assert downloaded.value.suggested_filename.endswith(".kml")
     assert {urlsplit(each).netloc for each in watched.asked} == {urlsplit(url).netloc}
     assert watched.errors == []

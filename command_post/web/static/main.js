@@ -1,4 +1,5 @@
 // The commander's page: follows the post, draws what has changed once a frame, asks for what is wanted.
+import { Comparison } from "./compare.js";
 import { askAssign, askOrder, askWho, showWay } from "./dialogs.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
@@ -18,6 +19,7 @@ let lostSince = null;
 let drawnFirst = false;
 let wayTimer = 0;
 let review = null;
+let comparison = null;
 const seen = new Set();
 
 const may = (role) => RANKS[me.role] >= RANKS[role];
@@ -30,6 +32,7 @@ function draw() {
     view.drawDaps();
     view.drawSites();
     drawPanels();
+    comparison?.show();
   }
   if (!drawnFirst && model.tracks.size) {
     drawnFirst = true;
@@ -148,8 +151,8 @@ function wireButtons() {
   $("roll-call").onclick = () => askOrder("roll_call", ids(), model.doubtful());
   $("message").onclick = () => askOrder("message", ids(), new Set());
   $("fit").onclick = () => view.fit();
-  $("units").onclick = () => { changeUnits(); ask({ tracks: false, panels: true }); };
-  $("language").onclick = () => { changeLanguage(); writeWords(); showLink(); review?.write(); ask({ tracks: false, panels: true }); };
+  $("units").onclick = () => { changeUnits(); comparison?.write(); ask({ tracks: false, panels: true }); };
+  $("language").onclick = () => { changeLanguage(); writeWords(); showLink(); review?.write(); comparison?.write(); ask({ tracks: false, panels: true }); };
   $("theme").onclick = () => {
     const night = document.documentElement.dataset.theme !== "night";
     localStorage.setItem("theme", night ? "night" : "day");
@@ -176,11 +179,13 @@ async function begin() {
 }
 
 /** Nothing can be ordered in what is past: what would do so is not shown. */
-function beginReview() {
+async function beginReview() {
   document.documentElement.dataset.review = "";
   review = new Review({ moment: (changes) => { view.clear(); take(changes); }, changes: take });
   showLink();
-  review.begin();
+  await review.begin();
+  comparison = new Comparison(model, view, (at_s) => review.seek(at_s), review.begin_ns);
+  comparison.begin();
 }
 
 function start() {

@@ -34,6 +34,10 @@ export const moment = (at_s) => talk(`moment?at_s=${at_s}`);
 export const moments = (after_s, step_s, count) =>
   talk(`moments?after_s=${after_s}&step_s=${step_s}&count=${count}`);
 
+export const comparison = () => talk("comparison");
+export const compare = (wish) => talk("comparison", wish);
+export const compared = () => talk("comparison/result");
+
 /** Have `changed` called with what has changed, and `linked` with whether there is a link. */
 export function follow(changed, linked) {
   const events = new EventSource("api/v1/events");

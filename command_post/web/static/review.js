@@ -25,7 +25,7 @@ export class Review {
     this.#shown = shown;
   }
 
-  get at() { return this.#at; }
+  get begin_ns() { return this.#line.begin_ns; }
 
   async begin() {
     $("timeline").hidden = false;
