@@ -20,6 +20,7 @@ COMMANDS = (
     "live:run",
     "demo:demo",
     "orders:click",
+    "origin:origin",
     "orders:floor",
     "orders:order",
     "orders:set_down",

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
+from msgspec import structs
+
 from command_post.alert_desk import AlertDesk, Known
 from command_post.announcer import Announcer, Outgoing
 from command_post.both_ways import BothWays, Side
@@ -47,6 +49,7 @@ from shared.messages import (
     OrderAnswer,
     OrderReply,
     OrderRequest,
+    OriginSet,
     OutsideWord,
     PositionFix,
     ProximityEvent,
@@ -67,6 +70,9 @@ MOST_KEYS_KNOWN = 16_384
 MOST_REFUSAL_KINDS = 4096
 MOST_DETAIL = 200
 UNNAMED = "?"
+START_ID = "start"
+"""Under whose name stands in the record what was given as the post was started."""
+
 
 _FUSED = frozenset(
     name
@@ -127,6 +133,8 @@ class Incident:
         self._announcer = Announcer(settings.incident, settings.post_id)
         self._dap_places: dict[str, Outgoing] = {}
         self._nowhere: dict[str, str] = {}
+        self.origin: Outgoing | None = None
+        """Where on the Earth the incident is, as it was said last."""
 
     @property
     def estimates(self) -> Mapping[str, Estimate]:
@@ -309,11 +317,22 @@ class Incident:
                 return self._alerted(changed) + self._answered(self._maydays.after(changed, now_ns))
             if isinstance(message, OutsideWord):
                 return self._alerted(self._alerts.hear_outside(message, now_ns))
+            if isinstance(message, OriginSet):
+                return self._place(key.node_id, message, now_ns)
             if isinstance(message, StrangerNoticed):
                 return self._alerted(self._alerts.notice(message, now_ns))
             if key.topic in _FUSED:
                 self._put(Event(key, message, message.event_time_ns), now_ns)
         return []
+
+    def _place(self, by: NodeId, message: OriginSet, now_ns: int) -> list[Outgoing]:
+        """Take in where on the Earth the incident is, and say so to everybody."""
+        if by == START_ID and self.origin is not None:
+            return []
+        number = self._announcer.next_sequence("origin")
+        said = structs.replace(message, event_time_ns=now_ns, sequence=number)
+        self.origin = self._announcer.outgoing(said, "origin")
+        return [self.origin]
 
     def _order(self, commander_id: NodeId, request: OrderRequest, now_ns: int) -> list[Outgoing]:
         """Do what a commander requests, and answer."""

@@ -17,6 +17,8 @@ from msgspec import Meta
 from numpy.typing import NDArray
 from pyproj import Transformer
 
+from shared.messages import OriginSet, TimeNs
+
 Floats: TypeAlias = NDArray[np.float64]
 T = TypeVar("T", float, Floats)
 
@@ -73,6 +75,34 @@ class Origin(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         )  # fmt: skip
         north_m, east_m = self._turned(float(north_m), float(east_m), -self.bearing_deg)
         return north_m, east_m, -float(up_m)
+
+    @classmethod
+    def through(cls, place: Geodetic, bearing_deg: float, local_m: tuple[float, float]) -> Origin:
+        """Return the origin by which ``local_m`` (north, east) of the incident is at ``place``.
+
+        Raises ``msgspec.ValidationError`` for a place that is none on the Earth.
+        """
+        there = msgspec.convert({**place._asdict(), "bearing_deg": bearing_deg}, cls, strict=True)
+        back = there.geodetic(-local_m[0], -local_m[1], 0.0)
+        return msgspec.structs.replace(
+            there, latitude_deg=back.latitude_deg, longitude_deg=back.longitude_deg
+        )
+
+    @classmethod
+    def said(cls, message: OriginSet) -> Origin:
+        """Return the origin that a message sets."""
+        latitude_deg, longitude_deg, height_m, bearing_deg = message.where
+        return cls(
+            latitude_deg=latitude_deg, longitude_deg=longitude_deg, height_m=height_m,
+            bearing_deg=bearing_deg,
+        )  # fmt: skip
+
+    def as_message(self, time_ns: TimeNs, sequence: int) -> OriginSet:
+        """Return the message that sets it."""
+        return OriginSet(
+            event_time_ns=time_ns, sequence=sequence, latitude_deg=self.latitude_deg,
+            longitude_deg=self.longitude_deg, height_m=self.height_m, bearing_deg=self.bearing_deg,
+        )  # fmt: skip
 
     @cached_property
     def _to_earth(self) -> Transformer:

@@ -35,6 +35,7 @@ from shared.messages import (
     OrderAnswer,
     OrderReply,
     OrderRequest,
+    OriginSet,
     OutsideWord,
     PositionFix,
     ProximityEvent,
@@ -195,6 +196,9 @@ def one_of_each() -> dict[str, Message]:
             assigned_to="r2",
         ),
         "alert_request": AlertRequest(**common, number=4, stage="acknowledged", assigned_to=None),
+        "origin": OriginSet(
+            **common, latitude_deg=37.5, longitude_deg=127.0, height_m=38.0, bearing_deg=12.5
+        ),
         "outside": OutsideWord(
             **common, kind="marker", uid="u-1", callsign="Engine 5", words="hydrant", position=_HERE
         ),

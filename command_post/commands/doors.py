@@ -7,16 +7,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import structlog
 from cyclopts import Parameter
 
 from command_post.gateways.foxglove_live import foxglove_address, foxglove_served
 from command_post.gateways.tak import TakServer, checked_server, linked_to_tak
 from command_post.listening import Address
 from command_post.post import Guest
+from command_post.starting_origin import StartingOrigin
 from command_post.web.server import page_address, page_served
 from shared.geodesy import Origin, parse_origin
 from shared.messages import NodeId
 from shared.security.bundle import Bundle
+
+_log = structlog.stdlib.get_logger(__name__)
 
 
 @Parameter(name="*")
@@ -33,7 +37,8 @@ class Doors:
         the page is for this machine alone, and whoever sits there commands.
     origin
         Where the incident's origin is: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], degrees and metres
-        above the ellipsoid; BEARING is how far its north is clockwise of true north.
+        above the ellipsoid; BEARING is how far its north is clockwise of true north. What people
+        have set since counts more.
     tak
         A TAK server to tell, and to hear: tcp://HOST:PORT or tls://HOST:PORT.
     tak_cert
@@ -62,7 +67,7 @@ class Doors:
         self._address(bundle)
         self._foxglove_address()
         if self._server is not None and self.place is None:
-            raise ValueError("--tak: give --origin LATITUDE,LONGITUDE: TAK knows the Earth alone")
+            _log.warning("TAK is told nothing until somebody sets the incident's origin")
 
     @contextmanager
     def opened(
@@ -74,11 +79,12 @@ class Doors:
         """
         address, place = self._address(bundle), self.place
         with (
-            page_served(address, incident, post_id, bundle, self.people, place) as page,
+            page_served(address, incident, post_id, bundle, self.people) as page,
             linked_to_tak(self._server, incident, place) as link,
             foxglove_served(self._foxglove_address(), incident, place) as door,
         ):
-            yield tuple(guest for guest in (page, link, door) if guest is not None)
+            said = None if place is None else StartingOrigin(incident, place)
+            yield tuple(guest for guest in (page, link, door, said) if guest is not None)
 
     def _address(self, bundle: Bundle | None) -> Address | None:
         return None if self.page is None else page_address(self.page, bundle, self.people)

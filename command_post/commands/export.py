@@ -8,7 +8,7 @@ from pathlib import Path
 import structlog
 
 from command_post.commands.afterwards import smoothed
-from command_post.exports.endings import FORMATS, NEEDS_ORIGIN
+from command_post.exports.endings import FORMATS
 from command_post.exports.formats import exported
 from command_post.exports.material import material_of
 from command_post.review.past import Past
@@ -43,18 +43,21 @@ def export(
     output
         What to write; may be given several times. A file that is there is replaced.
     origin
-        Where the incident's origin is: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], as of 'run'.
+        Where the incident's origin is: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], as of 'run'; by
+        default as the recording has it.
     afterwards
         Also tell everybody's way as it is smoothed with all that is known by the end.
 
     """
     try:
-        place = _checked(output, origin)
+        given = _checked(output, origin)
         found = smoothed(file) if afterwards else None
         with IndexedRecording([part.path for part in parts_of(file)]) as recording:
-            material = material_of(Past(recording), found)
-        for path in output:
-            content = exported(path.suffix, material, file, place)
+            past = Past(recording)
+            place = given or past.origin()
+            material = material_of(past, found)
+        made = [(path, exported(path.suffix, material, file, place)) for path in output]
+        for path, content in made:
             with replace_atomically(path) as written:
                 written.write(content)
     except (RecordingError, ConfigError, ValueError) as error:
@@ -74,8 +77,4 @@ def _checked(output: Sequence[Path], origin: str | None) -> Origin | None:
     for path in output:
         if path.suffix not in FORMATS:
             raise ValueError(f"--output {path}: let it end with {', '.join(FORMATS)}")
-        if path.suffix in NEEDS_ORIGIN and place is None:
-            raise ValueError(
-                f"--output {path}: needs --origin LATITUDE,LONGITUDE: it tells places on the Earth"
-            )
     return place

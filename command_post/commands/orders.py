@@ -112,7 +112,7 @@ def click(
             responder_id=responder, source="commander", position=place,
         )  # fmt: skip
 
-    return _say(
+    return say(
         fix, Sayer(incident, commander_id, connect, keys, insecure), "--responder", (responder,)
     )
 
@@ -168,7 +168,7 @@ def floor(
         )  # fmt: skip
 
     option = "--responder" if responder else "--dap"
-    return _say(fix, Sayer(incident, commander_id, connect, keys, insecure), option, (node_id,))
+    return say(fix, Sayer(incident, commander_id, connect, keys, insecure), option, (node_id,))
 
 
 def order(
@@ -221,7 +221,7 @@ def order(
         return OrderRequest(event_time_ns=time_ns, sequence=sequence, kind=which, to=to, text=text)
 
     sayer = Sayer(incident, commander_id, connect, keys, insecure)
-    return _say(request, sayer, "--to", to, await_outcome=_await_answer)
+    return say(request, sayer, "--to", to, await_outcome=_await_answer)
 
 
 def set_down(
@@ -273,7 +273,7 @@ def set_down(
         return SetDownHere(event_time_ns=time_ns, sequence=sequence, dap_id=dap, position=place)
 
     sayer = Sayer(incident, commander_id, connect, keys, insecure)
-    return _say(tell, sayer, "--dap", (dap,), await_outcome=_await_installation)
+    return say(tell, sayer, "--dap", (dap,), await_outcome=_await_installation)
 
 
 def _await_installation(bus: Bus, told: Message, sender: Sender, gate: Gate) -> int:
@@ -330,7 +330,7 @@ def _say_answer(answer: OrderAnswer) -> int:
     return ExitCode.OK
 
 
-def _say(
+def say(
     message: Callable[[int, int], Message],
     sayer: Sayer,
     option: str,

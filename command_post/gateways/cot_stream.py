@@ -48,8 +48,10 @@ class EventStream:
 class OutsideWords:
     """Makes words for the post of what is heard."""
 
-    def __init__(self, origin: Origin) -> None:
-        self._origin = origin
+    def __init__(self, origin: Origin | None) -> None:
+        self.origin = origin
+        """Where the incident is; while nobody knows, what is heard is nowhere."""
+
         self._sequence = 0
         self._maydays: set[str] = set()
 
@@ -69,9 +71,9 @@ class OutsideWords:
         )  # fmt: skip
 
     def _position(self, heard: Heard) -> LocalPosition | None:
-        if heard.place is None:
+        if heard.place is None or self.origin is None:
             return None
-        north_m, east_m, down_m = self._origin.local(heard.place)
+        north_m, east_m, down_m = self.origin.local(heard.place)
         if not max(abs(north_m), abs(east_m), abs(down_m)) < FURTHEST_M:
             return None
         variance_m2 = PLACE_SD_M**2

@@ -50,6 +50,7 @@ from shared.messages import (
     LocalPosition,
     Message,
     Order,
+    OriginSet,
     OutsideWord,
     TrackEstimate,
     TrackStatus,
@@ -112,6 +113,8 @@ class FoxgloveBoard:
                 to = ", ".join(message.to) or "everybody"
                 words = f"{message.kind.replace('_', ' ')} to {to}: {message.text}".rstrip(": ")
                 yield Drawing("/log", Log(_time(time_ns), WARNING, words, "post"), time_ns)
+            case OriginSet():
+                self._origin, self._mapped_ns = Origin.said(message), None
             case OutsideWord():
                 words = f"{message.kind} of {message.callsign}: {message.words}".rstrip(": ")
                 yield Drawing("/log", Log(_time(time_ns), INFO, words, "outside"), time_ns)

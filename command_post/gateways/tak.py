@@ -63,10 +63,9 @@ def checked_server(server: TakServer) -> TakServer:
 class TakLink:
     """Tells a TAK server of an incident, and the post of what comes back."""
 
-    def __init__(self, server: TakServer, incident: NodeId, origin: Origin) -> None:
+    def __init__(self, server: TakServer, incident: NodeId, origin: Origin | None) -> None:
         self._server = server
         self._incident = incident
-        self._origin = origin
         self._lock = threading.Lock()
         self._board = TakBoard(incident, origin)
         self._heard: Inbox[OutsideWord] = Inbox(MOST_HEARD)
@@ -141,6 +140,8 @@ class TakLink:
         raise OSError("the server has closed the link")
 
     def _note(self, heard: Heard) -> None:
+        with self._lock:
+            self._words.origin = self._board.origin
         word = self._words.word(heard, time.time_ns())
         if word is None:
             _log.warning("a mayday from TAK is passed over: too many stand", uid=heard.uid)
@@ -159,17 +160,16 @@ class TakLink:
 
 @contextmanager
 def linked_to_tak(
-    server: TakServer | None, incident: NodeId, origin: Origin | None
+    server: TakServer | None, incident: NodeId, origin: Origin | None = None
 ) -> Iterator[TakLink | None]:
     """Talk to a TAK server until the block ends; ``None`` if there is none.
 
-    Raises ``ValueError`` without an ``origin``: TAK knows places on the Earth alone.
+    TAK knows places on the Earth alone: it is told nothing before it is known where the incident
+    is, as ``origin`` or by what the post says.
     """
     if server is None:
         yield None
         return
-    if origin is None:
-        raise ValueError("--tak: give --origin LATITUDE,LONGITUDE as well: where the incident is")
     link = TakLink(server, incident, origin)
     thread = threading.Thread(target=link.run, name="tak")
     thread.start()

@@ -11,7 +11,7 @@ from command_post.gateways.cot import NOT_KNOWN_M, Shown, alarm_event, dap_event
 from command_post.roster import Roster
 from shared.codec import Refusal, decode, parse_key
 from shared.geodesy import Origin
-from shared.messages import Alert, LocalPosition, TrackEstimate
+from shared.messages import Alert, LocalPosition, OriginSet, TrackEstimate
 from shared.units import NS_PER_S
 
 AGAIN_NS = 5 * NS_PER_S
@@ -32,9 +32,10 @@ class _Alarm(NamedTuple):
 class TakBoard:
     """Takes in what the post publishes; gives the events that are due."""
 
-    def __init__(self, incident: str, origin: Origin) -> None:
+    def __init__(self, incident: str, origin: Origin | None) -> None:
+        """Without ``origin`` nothing is told until the post says where the incident is."""
         self._incident = incident
-        self._origin = origin
+        self.origin = origin
         self._tracks: dict[str, TrackEstimate] = {}
         self._alarms: dict[int, _Alarm] = {}
         self._roster: Roster | None = None
@@ -44,7 +45,7 @@ class TakBoard:
     def publish(self, key_text: str, payload: bytes) -> None:
         """Take in a message that the post has published; most are passed over."""
         key = parse_key(key_text)
-        if isinstance(key, Refusal) or key.topic not in ("track", "alert"):
+        if isinstance(key, Refusal) or key.topic not in ("track", "alert", "origin"):
             return
         match decode(key, payload):
             case TrackEstimate() as track:
@@ -55,32 +56,42 @@ class TakBoard:
                 self._alarms[alert.number] = _Alarm(alert, CANCELLED_TIMES if over else None)
                 self._told_ns.pop(_alarm_name(alert), None)
 
+            case OriginSet() as message:
+                self.origin = Origin.said(message)
+                self._told_ns.clear()
+
     def show(self, roster: Roster) -> None:
         """Take in the newest roster."""
         self._roster = roster
 
     def due(self, now_ns: int) -> Iterator[bytes]:
         """Yield the events that are to be told at ``now_ns`` of the post's clock."""
+        if self.origin is None:
+            return
+        yield from self._due(self.origin, now_ns)
+
+    def _due(self, origin: Origin, now_ns: int) -> Iterator[bytes]:
         for responder_id, track in sorted(self._tracks.items()):
             uid = self._uid(responder_id)
             if uid in self._changed or self._is_due(uid, now_ns):
                 self._told_ns[uid] = now_ns
-                yield self._responder(track, now_ns)
+                yield self._responder(track, origin, now_ns)
         self._changed.clear()
         for dap_id, place in self._daps():
             uid = self._uid(dap_id)
             if self._is_due(uid, now_ns):
                 self._told_ns[uid] = now_ns
-                yield dap_event(self._shown(dap_id, place, None), now_ns, "access point")
-        yield from self._due_alarms(now_ns)
+                shown = self._shown(dap_id, place, None, origin)
+                yield dap_event(shown, now_ns, "access point")
+        yield from self._due_alarms(origin, now_ns)
 
-    def _due_alarms(self, now_ns: int) -> Iterator[bytes]:
+    def _due_alarms(self, origin: Origin, now_ns: int) -> Iterator[bytes]:
         for number, (alert, left) in list(self._alarms.items()):
             name = _alarm_name(alert)
             if not self._is_due(name, now_ns):
                 continue
             self._told_ns[name] = now_ns
-            shown = self._alarmed(alert.node_id)
+            shown = self._alarmed(alert.node_id, origin)
             yield alarm_event(shown, now_ns, alert.kind, cancelled=left is not None)
             if left is not None:
                 self._alarms[number] = _Alarm(alert, left - 1)
@@ -96,26 +107,28 @@ class TakBoard:
             if row.position is not None:
                 yield row.dap_id, row.position
 
-    def _responder(self, track: TrackEstimate, now_ns: int) -> bytes:
-        shown = self._shown(track.responder_id, _position(track), track.down_sd_m)
+    def _responder(self, track: TrackEstimate, origin: Origin, now_ns: int) -> bytes:
+        shown = self._shown(track.responder_id, _position(track), track.down_sd_m, origin)
         known = track.heading_sd_rad < HEADING_KNOWN_RAD
-        course_deg = math.degrees(track.heading_rad) + self._origin.bearing_deg if known else None
+        course_deg = math.degrees(track.heading_rad) + origin.bearing_deg if known else None
         remarks = f"{track.status}: {track.reason}" if track.reason else track.status
         return responder_event(shown, now_ns, course_deg, remarks)
 
-    def _alarmed(self, responder_id: str) -> Shown:
+    def _alarmed(self, responder_id: str, origin: Origin) -> Shown:
         """Return where whoever is in need is; without a track, somewhere about the incident."""
         track = self._tracks.get(responder_id)
         if track is not None:
-            return self._shown(responder_id, _position(track), track.down_sd_m)
-        somewhere = self._origin.geodetic(0.0, 0.0, 0.0)
+            return self._shown(responder_id, _position(track), track.down_sd_m, origin)
+        somewhere = origin.geodetic(0.0, 0.0, 0.0)
         return Shown(self._uid(responder_id), responder_id, somewhere, NOT_KNOWN_M, None)
 
-    def _shown(self, node_id: str, place: LocalPosition, down_sd_m: float | None) -> Shown:
+    def _shown(
+        self, node_id: str, place: LocalPosition, down_sd_m: float | None, origin: Origin
+    ) -> Shown:
         return Shown(
             self._uid(node_id),
             node_id,
-            self._origin.geodetic(place.north_m, place.east_m, place.down_m),
+            origin.geodetic(place.north_m, place.east_m, place.down_m),
             radii95_m(place.covariance_m2)[0],
             None if down_sd_m is None else SD_TO_95 * down_sd_m,
         )

@@ -26,6 +26,7 @@ from command_post.roster_json import roster_json
 from command_post.told import LastMovement, RaisedAlarm
 from command_post.web.board import Changes, TrackView, grown, track_view
 from shared.codec import Refusal, decode, parse_key
+from shared.geodesy import Origin
 from shared.mcap_index import IndexedRecording, Series
 from shared.mcap_reader import RecordingError
 from shared.messages import (
@@ -35,6 +36,7 @@ from shared.messages import (
     NodeHealth,
     NodeId,
     OdometryIncrement,
+    OriginSet,
     Supplies,
     TrackEstimate,
 )
@@ -201,6 +203,15 @@ class Past:
             for node_id, heard_ns, message in self._newest_of("increment", at_ns)
             if isinstance(message, OdometryIncrement)
         }
+
+    def origin(self) -> Origin | None:
+        """Return where on the Earth the incident is, as the post said last; ``None`` if never."""
+        for series, key in self._of_topic["origin", True]:
+            newest = self.recording.newest(series, self.end_ns)
+            said = None if newest is None else decode(key, newest[0].payload)
+            if isinstance(said, OriginSet):
+                return Origin.said(said)
+        return None
 
     def _newest_health(self, at_ns: int) -> dict[str, NodeHealth]:
         return {

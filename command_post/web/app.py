@@ -36,6 +36,7 @@ from command_post.web.calls import (
     Me,
     Nothing,
     OrderBody,
+    OriginBody,
     Sent,
     SignedIn,
     SignIn,
@@ -44,7 +45,7 @@ from command_post.web.guard import Guard
 from command_post.web.openapi import COOKIE, TOKEN_HEADER, openapi_of
 from command_post.web.page import Page
 from command_post.web.people import LOCAL_NAME, Door, Role, Session
-from shared.geodesy import Origin
+from shared.geodesy import Geodetic, Origin
 from shared.messages import (
     AlertRequest,
     LocalPosition,
@@ -66,7 +67,6 @@ class Site(NamedTuple):
     """What a page is about, and who may come in; without a ``door`` nobody needs to sign in.
 
     ``secure``: it is served encrypted. ``hosts``: the names it goes by; empty for any.
-    ``origin``: where on the Earth the incident is, if that is known.
     """
 
     incident: NodeId
@@ -75,7 +75,6 @@ class Site(NamedTuple):
     door: Door | None
     secure: bool
     hosts: frozenset[str]
-    origin: Origin | None = None
 
 
 def make_app(site: Site, ends: Callable[[], bool]) -> Starlette:
@@ -160,10 +159,10 @@ class _Api:
         return json_answer(await asyncio.to_thread(self._site.page.since, 0))
 
     async def features(self, _: Request, __: Session) -> Response:
-        if self._site.origin is None:
-            why = "nobody has said where on the Earth this is: start the post with --origin"
+        collection = await asyncio.to_thread(self._site.page.features)
+        if collection is None:
+            why = "nobody has said where on the Earth this is: set the incident's origin"
             raise RefusedError(HTTPStatus.NOT_FOUND, why)
-        collection = await asyncio.to_thread(self._site.page.features, self._site.origin)
         return json_answer(collection, media_type="application/geo+json")
 
     async def way_out(self, request: Request, _: Session) -> Response:
@@ -220,6 +219,12 @@ class _Api:
                 responder_id=given.responder_id, source="commander", position=place,
             ),
         )  # fmt: skip
+
+    async def set_origin(self, _: Request, session: Session, given: OriginBody) -> Response:
+        page = self._site.page
+        at = Geodetic(given.latitude_deg, given.longitude_deg, given.height_m)
+        origin = Origin.through(at, given.bearing_deg, (given.north_m, given.east_m))
+        return self._asked(session, origin.as_message(page.now_ns, page.next_number()))
 
     async def _stream(self, request: Request, since: int) -> AsyncIterator[bytes]:
         """Yield changes as server-sent events, the newest of each, as fast as they are taken."""

@@ -19,7 +19,17 @@ from command_post.floors import Floor, floors_of
 from command_post.roster import DapRow, ResponderRow, Roster
 from command_post.roster_json import roster_json
 from shared.codec import Refusal, decode, parse_key
-from shared.messages import Alert, NodeId, OrderAnswer, Outline, TrackEstimate, TrackStatus, Vector3
+from shared.geodesy import Origin
+from shared.messages import (
+    Alert,
+    NodeId,
+    OrderAnswer,
+    OriginSet,
+    Outline,
+    TrackEstimate,
+    TrackStatus,
+    Vector3,
+)
 from shared.units import NS_PER_S
 
 SILENCE_S = 20.0
@@ -31,6 +41,7 @@ TRAIL_SPACING_M = 0.5
 """Points of a way behind somebody: so many, so far apart at least; the oldest go first."""
 
 MOST_ANSWERS = 64
+_SHOWN = frozenset({"track", "alert", "order_answer", "origin"})
 
 
 class TrackView(msgspec.Struct, frozen=True):
@@ -74,6 +85,7 @@ class Changes(msgspec.Struct, frozen=True, omit_defaults=True):
     roster: msgspec.Raw | None = None
     floors: list[Floor] | None = None
     sites: list[Site] | None = None
+    origin: Origin | None = None
     trails: dict[NodeId, list[Vector3]] | None = None
 
 
@@ -96,11 +108,12 @@ class Board:
         self._floors: tuple[int, list[Floor]] = (0, [])
         self._coverage = Coverage()
         self._sites: tuple[int, list[Site]] = (0, [])
+        self._origin: tuple[int, Origin | None] = (0, None)
 
     def publish(self, key_text: str, payload: bytes) -> None:
         """Take in a message that the post has published; what the page does not show is passed."""
         key = parse_key(key_text)
-        if isinstance(key, Refusal) or key.topic not in ("track", "alert", "order_answer"):
+        if isinstance(key, Refusal) or key.topic not in _SHOWN:
             return
         message = decode(key, payload)
         if isinstance(message, Refusal):
@@ -117,6 +130,13 @@ class Board:
                 self._alerts[message.number] = (self.version, message)
             case OrderAnswer():
                 self._answers.append((self.version, message))
+            case OriginSet():
+                self._origin = (self.version, Origin.said(message))
+
+    @property
+    def origin(self) -> Origin | None:
+        """Where on the Earth the incident is, if anybody has said so."""
+        return self._origin[1]
 
     def show(self, roster: Roster) -> None:
         """Take in the newest roster."""
@@ -147,6 +167,7 @@ class Board:
             roster=self._roster[1] if self._roster[0] > version else None,
             floors=floors if changed_floors > version else None,
             sites=self._sites[1] if self._sites[0] > version else None,
+            origin=self._origin[1] if self._origin[0] > version else None,
             trails={name: list(way) for name, way in self._trails.items()} if whole else None,
         )
 

@@ -50,6 +50,17 @@ class ClickBody(msgspec.Struct, forbid_unknown_fields=True):
     sd_m: Annotated[float, Meta(gt=0.0, le=1e4)] = 2.0
 
 
+class OriginBody(msgspec.Struct, forbid_unknown_fields=True):
+    """Where on the Earth a place of the incident is, and how far its north is off true north."""
+
+    latitude_deg: Annotated[float, Meta(ge=-90.0, le=90.0)]
+    longitude_deg: Annotated[float, Meta(ge=-180.0, le=180.0)]
+    height_m: Annotated[float, Meta(ge=-1e4, le=1e5)] = 0.0
+    bearing_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
+    north_m: Annotated[float, Meta(ge=-1e4, le=1e4)] = 0.0
+    east_m: Annotated[float, Meta(ge=-1e4, le=1e4)] = 0.0
+
+
 class Me(msgspec.Struct, omit_defaults=True):
     """Which incident and post this is, and who one is, if one has signed in."""
 
@@ -134,6 +145,8 @@ CALLS: tuple[Call, ...] = (
          OrderBody, _ACCEPTED),
     Call("alert", "POST", "/alerts/{number}", "Deal with an alert.", "operator", Asked,
          AlertBody, _ACCEPTED, refuses=(_MISSING,)),
+    Call("set_origin", "POST", "/origin", "Say where on the Earth the incident is.", "commander",
+         Asked, OriginBody, _ACCEPTED),
     Call("click", "POST", "/clicks", "Say where somebody is.", "commander", Asked, ClickBody,
          _ACCEPTED),
 )  # fmt: skip

@@ -17,7 +17,6 @@ from command_post.web.handover import Handover
 from command_post.web.pathfinder import Pathfinder
 from shared.bus.inbox import Inbox
 from shared.codec import encode
-from shared.geodesy import Origin
 from shared.messages import Message, NodeId
 from shared.topics import TOPICS, Key
 
@@ -66,10 +65,12 @@ class Page:
         with self._board.now() as board:
             return board.since(version)
 
-    def features(self, origin: Origin) -> Feature:
-        """Return who and what is where, as GeoJSON."""
+    def features(self) -> Feature | None:
+        """Return who and what is where, as GeoJSON; ``None`` while nobody knows where that is."""
         with self._board.now() as board:
-            whole, daps = board.since(0), board.daps
+            whole, daps, origin = board.since(0), board.daps, board.origin
+        if origin is None:
+            return None
         return feature_collection(Scene(whole.tracks, whole.trails or {}, daps), origin)
 
     def way_out(self, responder_id: NodeId) -> Way | None:

@@ -13,7 +13,6 @@ from command_post.web.app import Site, make_app
 from command_post.web.page import Page
 from command_post.web.people import LOCAL_NAME, Door, Person, load_people
 from command_post.web.serving import LOCAL_NAMES, ServerKeys, served
-from shared.geodesy import Origin
 from shared.messages import NodeId
 from shared.security.bundle import CERTIFICATE_FILE, KEY_FILE, Bundle
 
@@ -40,7 +39,6 @@ def page_served(
     post_id: NodeId,
     bundle: Bundle | None,
     people: Path | None,
-    origin: Origin | None,
 ) -> Iterator[Page | None]:
     """Serve a page at ``address`` until the block ends, and give it; ``None`` without an address.
 
@@ -54,7 +52,7 @@ def page_served(
     door = None if people is None else Door(_named(people, post_id), time.monotonic())
     secure = bundle is not None and not address.is_local
     hosts = LOCAL_NAMES if address.is_local else frozenset[str]()
-    site = Site(incident, post_id, page, door, secure=secure, hosts=hosts, origin=origin)
+    site = Site(incident, post_id, page, door, secure=secure, hosts=hosts)
     stop = threading.Event()
     keeper = threading.Thread(target=page.keep_up, args=(stop,), name="page-keeper")
     with served(lambda ends: make_app(site, ends), address, _keys(bundle) if secure else None):

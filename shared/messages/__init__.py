@@ -18,6 +18,7 @@ from shared.messages.command import (
     OrderAnswer,
     OrderReply,
     OrderRequest,
+    OriginSet,
     OutsideWord,
     StrangerNoticed,
 )
@@ -142,6 +143,7 @@ __all__ = [
     "OrderKind",
     "OrderReply",
     "OrderRequest",
+    "OriginSet",
     "Outline",
     "OutsideWord",
     "PositionFix",

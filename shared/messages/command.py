@@ -126,6 +126,24 @@ class OutsideWord(Message, frozen=True, kw_only=True):
     position: LocalPosition | None
 
 
+class OriginSet(Message, frozen=True, kw_only=True):
+    """Where on the Earth the incident's origin is: somebody says so, or the post that it is so.
+
+    ``height_m`` is above the WGS 84 ellipsoid; ``bearing_deg`` is how far the incident's north, as
+    a building's axes may have it, is clockwise of true north.
+    """
+
+    latitude_deg: Annotated[float, Meta(ge=-90.0, le=90.0)]
+    longitude_deg: Annotated[float, Meta(ge=-180.0, le=180.0)]
+    height_m: Annotated[float, Meta(ge=-1e4, le=1e5)]
+    bearing_deg: Annotated[float, Meta(ge=-360.0, le=360.0)]
+
+    @property
+    def where(self) -> tuple[float, float, float, float]:
+        """Latitude, longitude, height and bearing."""
+        return self.latitude_deg, self.longitude_deg, self.height_m, self.bearing_deg
+
+
 class ExerciseStart(Message, frozen=True, kw_only=True):
     """A simulated exercise begins: its clock reads ``event_time_ns`` now and runs at ``speed``."""
 

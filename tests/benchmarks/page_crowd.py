@@ -143,7 +143,7 @@ class _Crowd(threading.Thread):
 def _serve(responders: int, rate_hz: float, pipe: Connection) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         address = Address(*free.getsockname())
-    with page_served(address, "crowd", "post", None, None, None) as page:
+    with page_served(address, "crowd", "post", None, None) as page:
         if page is None:
             raise RuntimeError("a page is served where there is an address")
         crowd = _Crowd(page, responders, rate_hz)

@@ -175,3 +175,16 @@ def test_an_emergency_of_somebody_without_a_track_is_told_all_the_same() -> None
     (told,) = [fromstring(each) for each in board.due(NOW_NS)]
     assert told.get("type") == "b-a-o-tbl"
     assert float(attribute(told, "point", "ce")) > 1e6
+
+
+def test_nothing_is_told_before_the_origin_is_known_and_all_anew_once_it_is_corrected() -> None:
+    board = TakBoard("fire", None)
+    board.publish("clew/v1/fire/post/post/track", track(1.0))
+    assert list(board.due(NOW_NS)) == []
+    set_at: list[str] = []
+    for latitude_deg in (37.5, 37.6):
+        origin = Origin(latitude_deg=latitude_deg, longitude_deg=127.0)
+        board.publish("clew/v1/fire/post/post/origin", encode(origin.as_message(NOW_NS, 0)))
+        (told,) = [fromstring(each) for each in board.due(NOW_NS)]
+        set_at.append(attribute(told, "point", "lat")[:4])
+    assert set_at == ["37.5", "37.6"]

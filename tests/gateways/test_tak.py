@@ -125,11 +125,3 @@ def test_the_server_may_come_later_and_the_post_stops_meanwhile() -> None:
 def test_what_cannot_be_dialled_is_refused(url: str) -> None:
     with pytest.raises(ValueError, match="--tak"):
         checked_server(TakServer(url))
-
-
-def test_without_an_origin_there_is_no_tak() -> None:
-    with (
-        pytest.raises(ValueError, match="--origin"),
-        linked_to_tak(TakServer("tcp://127.0.0.1:1"), "fire", None),
-    ):
-        pass

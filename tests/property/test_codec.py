@@ -59,6 +59,7 @@ WIRE_FIELDS = {
     "order_request": "event_time_ns sequence kind to text",
     "alert": "event_time_ns sequence number kind role node_id since_ns stage words by assigned_to",
     "alert_request": "event_time_ns sequence number stage assigned_to",
+    "origin": "event_time_ns sequence latitude_deg longitude_deg height_m bearing_deg",
     "outside": "event_time_ns sequence kind uid callsign words position",
     "stranger": "event_time_ns sequence role node_id words",
     "order_answer": "event_time_ns sequence commander_id request_sequence refusal waited_for",

@@ -10,12 +10,14 @@ from command_post import incident as incident_module
 from command_post.announcer import Outgoing
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
-from command_post.incident import Incident, IncidentSettings, Notice
+from command_post.incident import START_ID, Incident, IncidentSettings, Notice
 from shared.codec import decode, encode, parse_key
+from shared.geodesy import Origin
 from shared.messages import (
     DapEstimate,
     LocalPosition,
     Message,
+    OriginSet,
     PositionFix,
     RssiReport,
     TrackEstimate,
@@ -231,3 +233,20 @@ def test_settings_travel_with_a_recording() -> None:
         IncidentSettings.from_metadata({})
     with pytest.raises(ValueError, match="cannot be used"):
         IncidentSettings.from_metadata({"incident_settings": '{"incident": 4}'})
+
+
+def test_the_origin_is_what_somebody_set_last_and_not_what_a_start_repeats() -> None:
+    incident = Incident(IncidentSettings())
+
+    def said(by: str, latitude_deg: float) -> list[Message]:
+        message = Origin(latitude_deg=latitude_deg, longitude_deg=127.0).as_message(5, 0)
+        made = incident.handle(f"clew/v1/exercise/post/{by}/origin", encode(message), at_ns(1.0))
+        return [decoded(each) for each in made]
+
+    (first,) = said(START_ID, 37.5)
+    assert isinstance(first, OriginSet)
+    assert (first.latitude_deg, first.event_time_ns) == (37.5, at_ns(1.0))
+    assert len(said("kim", 37.6)) == 1
+    assert said(START_ID, 37.5) == []
+    assert incident.origin is not None
+    assert incident.origin.key == "clew/v1/exercise/post/post/origin"

@@ -13,18 +13,18 @@ from command_post.web.answers import MOST_BODY_BYTES
 from command_post.web.app import Site, make_app
 from command_post.web.page import Page
 from command_post.web.people import Door, Person, Role, hashed
-from shared.codec import decode, parse_key
-from shared.geodesy import Origin
-from shared.messages import AlertRequest, Message, OrderRequest, PositionFix
+from shared.codec import decode, encode, parse_key
+from shared.geodesy import Geodetic, Origin
+from shared.messages import AlertRequest, Message, OrderRequest, OriginSet, PositionFix
 from shared.topics import Key
 from tests.web.test_board import track
 
 EVACUATE = {"kind": "evacuate", "to": [], "text": "north door"}
 
 
-def client_of(page: Page, door: Door | None = None, origin: Origin | None = None) -> TestClient:
+def client_of(page: Page, door: Door | None = None) -> TestClient:
     hosts = frozenset({"testserver"})
-    site = Site("fire", "post", page, door, secure=False, hosts=hosts, origin=origin)
+    site = Site("fire", "post", page, door, secure=False, hosts=hosts)
     return TestClient(make_app(site, lambda: True))
 
 
@@ -161,7 +161,10 @@ def test_there_is_a_map_for_others_once_it_is_known_where_on_the_earth_it_is(pag
         assert client.get("/api/v1/features.geojson").status_code == 404
     page.published("clew/v1/fire/post/post/track", track(1.0, 0.0))
     page.published("clew/v1/fire/post/post/track", track(2.0, 10.0))
-    with client_of(page, origin=Origin(latitude_deg=37.5, longitude_deg=127.0)) as client:
+    origin = Origin(latitude_deg=37.5, longitude_deg=127.0)
+    page.published("clew/v1/fire/post/post/origin", encode(origin.as_message(5, 0)))
+    assert page.since(0).origin == origin
+    with client_of(page) as client:
         answer = client.get("/api/v1/features.geojson")
     assert answer.headers["content-type"] == "application/geo+json"
     point, region, way = answer.json()["features"]
@@ -217,3 +220,19 @@ def test_who_comes_back_is_told_what_has_changed_since_or_all(page: Page) -> Non
             told = client.get("/api/v1/events", headers={"last-event-id": last})
             assert told.is_success
             assert ('"trails"' in told.text) == whole, last
+
+
+def test_the_origin_is_set_through_a_place_that_somebody_knows(
+    page: Page, local: TestClient
+) -> None:
+    door = {"latitude_deg": 37.5, "longitude_deg": 127.0, "north_m": 10.0, "east_m": -4.0}
+    assert local.post("/api/v1/origin", json=door | {"bearing_deg": 30.0}).status_code == 202
+    ((key, message),) = asked(page)
+    assert key.topic == "origin"
+    assert isinstance(message, OriginSet)
+    north_m, east_m, _ = Origin.said(message).local(Geodetic(37.5, 127.0, 0.0))
+    assert (north_m, east_m) == pytest.approx((10.0, -4.0), abs=1e-3)
+    assert message.bearing_deg == 30.0
+    for wrong in ({"latitude_deg": 91.0}, {"longitude_deg": None}, {"height_m": 1e9}):
+        assert local.post("/api/v1/origin", json=door | wrong).status_code == 400
+    assert asked(page) == []

@@ -28,8 +28,9 @@ from command_post.web.calls import CALLS, Call
 from command_post.web.openapi import COOKIE, TOKEN_HEADER, openapi_of
 from command_post.web.page import Page
 from command_post.web.people import RANKS, Door, Role, Session
+from shared.codec import encode
 from shared.geodesy import Origin
-from shared.messages import AlertRequest, OrderRequest, PositionFix
+from shared.messages import AlertRequest, OrderRequest, OriginSet, PositionFix
 from tests.web.test_api import asked
 from tests.web.test_board import KEY, track
 
@@ -40,7 +41,8 @@ CHECKS = [
 ]  # fmt: skip
 TOKEN = "told-to-our-page"  # noqa: S105
 TAKES: dict[type, Role] = {
-    OrderRequest: "commander", PositionFix: "commander", AlertRequest: "operator"
+    OrderRequest: "commander", PositionFix: "commander", OriginSet: "commander",
+    AlertRequest: "operator",
 }  # fmt: skip
 
 
@@ -86,7 +88,8 @@ def page() -> Page:
 def document(page: Page) -> Any:
     origin = Origin(latitude_deg=37.5, longitude_deg=127.0)
     hosts = frozenset({"localhost", "testserver"})
-    site = Site("fire", "post", page, _Staff(), secure=False, hosts=hosts, origin=origin)
+    page.published("clew/v1/fire/post/post/origin", encode(origin.as_message(5, 0)))
+    site = Site("fire", "post", page, _Staff(), secure=False, hosts=hosts)
     return schemathesis.openapi.from_asgi("/api/v1/openapi.json", make_app(site, ends=lambda: True))
 
 

@@ -69,7 +69,7 @@ class Serving(NamedTuple):
 def serving() -> Iterator[Serving]:
     with socket.create_server(("127.0.0.1", 0)) as free:
         address = Address(*free.getsockname())
-    with page_served(address, "test", "post", None, None, None) as page:
+    with page_served(address, "test", "post", None, None) as page:
         assert page is not None
         yield Serving(page, address)
 

@@ -47,6 +47,35 @@ export function showWay(title, words, send, done) {
   $("way").hidden = false;
 }
 
+/** Ask where on the Earth a place of the incident is: its origin, or what is clicked (`pick`). */
+export function askOrigin(origin, pick) {
+  let place = [0, 0];
+  const show = () => { $("earth-place").value = place.map((metres) => metres.toFixed(1)).join(", "); };
+  const fields = { latitude: "latitude_deg", longitude: "longitude_deg", height: "height_m", bearing: "bearing_deg" };
+  for (const [id, name] of Object.entries(fields)) {
+    const optional = id === "height" || id === "bearing";
+    $(id).value = origin ? (origin[name] ?? 0) : (optional ? 0 : "");
+  }
+  $("earth-problem").textContent = "";
+  $("earth-pick").onclick = () => {
+    $("earth-dialog").close();
+    pick((picked) => { place = picked; show(); $("earth-dialog").showModal(); });
+  };
+  $("earth-cancel").onclick = () => $("earth-dialog").close();
+  $("earth-form").onsubmit = async (event) => {
+    event.preventDefault();
+    const given = Object.fromEntries(Object.entries(fields).map(([id, name]) => [name, $(id).valueAsNumber]));
+    try {
+      await post.setOrigin({ ...given, north_m: place[0], east_m: place[1] });
+      $("earth-dialog").close();
+    } catch (error) {
+      $("earth-problem").textContent = `${word("refused")} ${error.message}`;
+    }
+  };
+  show();
+  $("earth-dialog").showModal();
+}
+
 /** Ask whom to give an alert to; `chosen` is called with the id. */
 export function askAssign(ids, chosen) {
   $("assign-to").replaceChildren(...ids.map((id) => Object.assign(document.createElement("button"), {

@@ -1,6 +1,6 @@
 // The commander's page: follows the post, draws what has changed once a frame, asks for what is wanted.
 import { Comparison } from "./compare.js";
-import { askAssign, askOrder, askWho, showWay } from "./dialogs.js";
+import { askAssign, askOrder, askOrigin, askWho, showWay } from "./dialogs.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
 import { showAlerts, showDaps, showFloors, showPeople, wayWords } from "./panels.js";
@@ -150,6 +150,7 @@ function wireButtons() {
   // By exception: those of whom it is not known that they are well are asked, the others need not.
   $("roll-call").onclick = () => askOrder("roll_call", ids(), model.doubtful());
   $("message").onclick = () => askOrder("message", ids(), new Set());
+  $("earth").onclick = () => askOrigin(model.origin, (picked) => view.pick(picked));
   $("fit").onclick = () => view.fit();
   $("units").onclick = () => { changeUnits(); comparison?.write(); ask({ tracks: false, panels: true }); };
   $("language").onclick = () => { changeLanguage(); writeWords(); showLink(); review?.write(); comparison?.write(); ask({ tracks: false, panels: true }); };

@@ -63,6 +63,11 @@ export class MapView {
     this.map.getView().setCenter([track.east_m, track.north_m]);
   }
 
+  /** Call `picked` with the place (north, east) of the next click. */
+  pick(picked) {
+    this.map.once("singleclick", (event) => picked([event.coordinate[1], event.coordinate[0]]));
+  }
+
   /** Draw a way (places of north, east, down), or none. */
   showWay(places) {
     this.sources.way.clear();

@@ -14,6 +14,7 @@ export class Model {
     this.roster = null;
     this.floors = [{ level: 0, down_m: 0 }];
     this.sites = [];
+    this.origin = null;
   }
 
   /** Take in what has changed; `trails` are whole where they are given. */
@@ -32,6 +33,7 @@ export class Model {
     if (changes.roster) this.roster = changes.roster;
     if (changes.floors) this.floors = changes.floors;
     if (changes.sites) this.sites = changes.sites;
+    if (changes.origin) this.origin = changes.origin;
   }
 
   /** What is not resolved: the newest of the worst first, and what nobody has seen before all. */

@@ -1,0 +1,94 @@
+"""``command-post origin set``: tell a running post where on the Earth the incident is."""
+
+from __future__ import annotations
+
+import time
+from typing import Literal
+
+import structlog
+
+from command_post.commands.orders import ANSWER_S, POLL_S, Dialled, Sayer, SayerId, say
+from shared.bus.inbox import Inbox
+from shared.bus.interface import Bus, Received
+from shared.codec import Refusal, decode, parse_key
+from shared.gate import Gate
+from shared.geodesy import parse_origin
+from shared.messages import Message, OriginSet
+from shared.process import ExitCode
+from shared.security.opening import Insecure, Keys
+from shared.sender import Sender
+
+MOST_ANSWERS = 64
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+def origin(
+    action: Literal["set"],  # noqa: ARG001
+    place: str,
+    *,
+    incident: str = "incident",
+    connect: Dialled = (),
+    keys: Keys = None,
+    insecure: Insecure = False,
+    commander_id: SayerId = "commander",
+) -> int:
+    """Say where on the Earth the incident's origin is, or correct it, and wait until it is so.
+
+    The map for others and TAK follow at once; it stands in the recording. Example:
+    command-post origin set 37.5665,126.978,38,12.5 --incident harbour --keys keys/commander
+
+    Parameters
+    ----------
+    action
+        What to do.
+    place
+        LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], degrees and metres above the ellipsoid; BEARING is
+        how far the incident's north is clockwise of true north. Write '-- -33.8,151.2' in the
+        south.
+    incident
+        Name of the incident.
+    connect
+        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
+    keys
+        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
+    insecure
+        Do without keys, on one machine.
+    commander_id
+        Who says so; another name than the post's.
+
+    """
+    try:
+        where = parse_origin(place)
+    except ValueError as error:
+        _log.error(str(error).replace("--origin", "origin set", 1))
+        return ExitCode.USAGE
+
+    def request(time_ns: int, sequence: int) -> Message:
+        return where.as_message(time_ns, sequence)
+
+    sayer = Sayer(incident, commander_id, connect, keys, insecure)
+    return say(request, sayer, "--id", (commander_id,), await_outcome=_await_statement)
+
+
+def _await_statement(bus: Bus, asked: Message, sender: Sender, gate: Gate) -> int:
+    """Send it, and wait until the post says that this is where the incident is."""
+    statements: Inbox[Received] = Inbox(MOST_ANSWERS)
+    bus.subscribe(sender.key(OriginSet, "*"), statements.put)
+    sender.send(asked)
+    give_up_s = time.monotonic() + ANSWER_S
+    while time.monotonic() < give_up_s:
+        for received in statements.get_all(POLL_S):
+            key = parse_key(received.key)
+            if isinstance(key, Refusal) or key.node_id == sender.node_id:
+                continue
+            if gate.admit(*received) is None and _says_so(decode(key, received.payload), asked):
+                return ExitCode.OK
+    _log.error("the post does not answer; see its log")
+    return ExitCode.FAILURE
+
+
+def _says_so(said: Message | Refusal, asked: Message) -> bool:
+    if not (isinstance(said, OriginSet) and isinstance(asked, OriginSet)):
+        return False
+    return said.where == asked.where
