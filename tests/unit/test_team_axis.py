@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from command_post.fusion.team.axis import likely_axis, share_along
+from command_post.fusion.team.axis import legs, likely_axis, share_along
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import NOTHING
@@ -89,3 +89,16 @@ def test_a_plan_of_another_house_is_not() -> None:
     found = walked(math.radians(5.0), math.radians(40.0), SQUARE, math.radians(20.0))
     assert found.belief.mode == "free"
     assert np.abs(found.pose[:, 2]).max() < math.radians(4.0)
+
+
+def test_moves_one_after_another_in_one_direction_are_one_leg() -> None:
+    node = np.array([0, 1, 2, 4, 5, 6])
+    direction_rad = np.radians([178.0, -178.0, 176.0, 175.0, 90.0, 91.0])
+    assert legs(node, direction_rad).tolist() == [0, 0, 0, 1, 2, 2]
+    assert legs(node[:0], direction_rad[:0]).size == 0
+
+
+def test_a_few_ways_across_a_hall_show_no_axis() -> None:
+    legs_m = 14.0 * np.exp(1j * np.radians([20.0, 155.0, 320.0, 95.0, 260.0]))
+    corners = [(each.real, each.imag) for each in np.append(0.0, np.cumsum(legs_m)).tolist()]
+    assert walked(math.radians(20.0), 0.0, corners).belief.mode == "none"

@@ -10,13 +10,14 @@ import pytest
 from command_post.fusion.team.assembly import NO_AXIS, assemble
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.sharpness import MOST_SCALE, learnt_scale
+from command_post.fusion.team.sharpness import LEAST_SCALE, MOST_SCALE, learnt_scale
 from command_post.fusion.team.solution import NOTHING
 from command_post.fusion.team.solving import commit, solve
 from tests.stride_world import at_ns, installation, stride, track_start
 from tests.unit.test_team_tracker import peak_at
 
 SETTINGS = TeamSettings(axis=False)
+LOST = TeamSettings(axis=False, stride_sd_m=20.0)
 END_S = 200.0
 
 
@@ -45,16 +46,26 @@ def learnt(log: TeamLog, rounds: int = 4) -> float:
     return before.tie_scale
 
 
-def test_sharp_peaks_are_taken_for_no_sharper_than_told() -> None:
-    assert learnt(to_and_fro(0.0)) == 1.0
-    assert learnt(to_and_fro(0.3)) == 1.0
+def test_peaks_are_taken_for_no_sharper_than_twice_what_is_told() -> None:
+    assert learnt(to_and_fro(0.0)) == LEAST_SCALE
+    assert learnt(to_and_fro(0.3)) == pytest.approx(LEAST_SCALE, abs=0.01)
 
 
 def test_blunt_peaks_are_found_to_be_blunt() -> None:
-    scales = [learnt(to_and_fro(aside_m)) for aside_m in (2.4, 3.6, 4.8)]
+    scales = [learnt(to_and_fro(aside_m)) for aside_m in (1.2, 2.4, 3.6, 4.8)]
     assert scales == sorted(scales)
-    assert scales[0] > 1.1
-    assert scales[2] > 2.0
+    assert scales[0] < 0.9
+    assert scales[1] > 1.1
+    assert scales[3] > 2.0
+
+
+def test_what_the_solution_follows_does_not_make_passes_sharp() -> None:
+    """A boot that knows nothing of its way goes wherever it passed something."""
+    log = to_and_fro(2.4)
+    solved = commit(log, at_ns(END_S), NOTHING, LOST)
+    assert solved is not None
+    assert solved.tie_scale(LOST) == pytest.approx(1.0, abs=0.1)
+
     assert learnt(to_and_fro(60.0)) <= MOST_SCALE
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from command_post.fusion.team.elimination import ENDS_ONLY, EVERY_NODE, NO_COVARIANCE
 from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
-from command_post.fusion.team.smoother import smooth
+from command_post.fusion.team.smoother import log_determinant, smooth
 from command_post.fusion.team.smoother_plain import smooth_plainly
 
 Floats = NDArray[np.float64]
@@ -81,6 +81,15 @@ def test_it_does_what_it_means(seed: int, iterations: int) -> None:
         block = plain.covariance[3 * node : 3 * node + 3, 3 * node : 3 * node + 3]
         said = np.array([[nn, ne, nt], [ne, ee, et], [nt, et, tt]])
         assert said == pytest.approx(block, rel=1e-6, abs=1e-9)
+
+
+def test_the_determinant_is_that_of_the_normal_matrix() -> None:
+    graph, pose, arrow = random_graph(4)
+    covariance = smooth_plainly(graph, pose, arrow, 1).covariance
+    sign, size = np.linalg.slogdet(covariance)
+    assert sign == 1.0
+    assert log_determinant(graph, pose, arrow) == pytest.approx(-size, rel=1e-9)
+    assert log_determinant(graph._replace(place=graph.place * np.nan), pose, arrow) == math.inf
 
 
 def test_the_ends_alone_are_the_ends_of_all() -> None:

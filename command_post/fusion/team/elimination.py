@@ -39,6 +39,15 @@ def _invert_block(block: Floats, inverse: Floats) -> None:
 
 
 @compiled
+def determinant(block: Floats) -> float:
+    """Return the determinant of a symmetric (3, 3) ``block``."""
+    a, b, c = block[0, 0], block[0, 1], block[0, 2]
+    d, e, f = block[1, 1], block[1, 2], block[2, 2]
+    found: float = a * (d * f - e * e) + b * (c * e - b * f) + c * (b * e - c * d)
+    return found
+
+
+@compiled
 def _times(one: Floats, other: Floats) -> Floats:
     """Return the product of (n, k) and (k, m), summed in one order, as a library's need not be."""
     product = np.zeros((one.shape[0], other.shape[1]))

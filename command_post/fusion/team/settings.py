@@ -62,7 +62,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     be ``horizon_s`` ago, or up to a quarter of that more. What comes ``lateness_s`` after it
     happened, or later, is not fused any more.
 
-    A building's axis is believed in where ``axis_least_moves`` are straight and a share of
+    A building's axis is believed in where there are ``axis_least_moves`` legs and a share of
     ``axis_least_share`` of them lies along one; that it is ``axis_rad``, where headings alone tell
     it to ``axis_seen_sd_rad``. That it is a plan's, ``planned_axis_rad``, is believed in as well
     where headings come as near to it as ``planned_axis_most_off`` standard deviations.

@@ -3,8 +3,10 @@
 A peak of one height says less where power falls slowly with range than where it falls steeply. How
 far the passes lie from their DAPs, once all is solved, tells which: the scale is that of Student's
 t, found by expectation and maximisation (Lange, Little, Taylor, "Robust statistical modeling using
-the t distribution", 1989), and held to 1 by as many passes as ``scale_prior_ties`` says. It is
-never below 1: a solution takes up some of what its ties are off, and so seems sharper than it is.
+the t distribution", 1989), and held to 1 by as many passes as ``scale_prior_ties`` says. A solution
+follows its passes, and so makes them seem sharper than they are: as many as it follows count for
+none (restricted likelihood; Patterson, Thompson, "Recovery of inter-block information when block
+sizes are unequal", 1971).
 """
 
 from __future__ import annotations
@@ -13,13 +15,17 @@ import math
 
 import numpy as np
 
-from command_post.fusion.team.arithmetic import carried
+from command_post.fusion.team.arithmetic import carried, logarithm
 from command_post.fusion.team.assembly import Assembled
-from command_post.fusion.team.graph import LEAD, Floats, Ints
+from command_post.fusion.team.graph import LEAD, Floats, Graph, Ints
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.smoother import log_determinant
 from shared.compiled import compiled
 
-MOST_SCALE = 6.0
+SHARPER = 1e-3
+LEAST_SCALE, MOST_SCALE = 0.5, 6.0
+"""Peaks are held to be no more than twice as sharp as told: passes may err alike, unseen."""
+
 ROUNDS = 30
 
 
@@ -37,7 +43,24 @@ def learnt_scale(
     if not passed.size:
         return 1.0
     off2 = _squared(graph.tie, graph.tie_at, passed, pose, stands) * assembled.tie_scale**2
-    return _scale(off2, settings.sharpness.dof, settings.scale_prior_ties)
+    taken_up = _taken_up(graph, pose, arrow, passed)
+    return _scale(off2, taken_up, settings.sharpness.dof, settings.scale_prior_ties)
+
+
+def _taken_up(graph: Graph, pose: Floats, arrow: Floats, passed: Ints) -> float:
+    """Return by how many residuals, of two each, the solution follows its passes.
+
+    It is the trace of what they add to the normal matrix over all of it, as the logarithm of its
+    determinant grows with them.
+    """
+    sharper = graph.tie.copy()
+    sharper[passed, 2] *= 1.0 - SHARPER
+    grown = log_determinant(graph._replace(tie=sharper), pose, arrow) - log_determinant(
+        graph, pose, arrow
+    )
+    if not math.isfinite(grown):
+        return 0.0
+    return min(0.25 * grown / logarithm(1.0 / (1.0 - SHARPER)), float(passed.size))
 
 
 @compiled
@@ -57,12 +80,15 @@ def _squared(tie: Floats, tie_at: Ints, rows: Ints, pose: Floats, arrow: Floats)
 
 
 @compiled
-def _scale(off2: Floats, dof: float, prior: float) -> float:
-    """Return the scale of two-dimensional Student's t that squares (n,) speak for."""
+def _scale(off2: Floats, taken_up: float, dof: float, prior: float) -> float:
+    """Return the scale of two-dimensional Student's t that squares (n,) speak for.
+
+    So many of them, ``taken_up``, are nought because the solution follows them.
+    """
     scale2 = 1.0
     for _ in range(ROUNDS):
         total = prior
         for k in range(off2.size):
             total += 0.5 * off2[k] * (dof + 2.0) / (dof + off2[k] / scale2)
-        scale2 = total / (prior + off2.size)
-    return math.sqrt(min(max(scale2, 1.0), MOST_SCALE**2))
+        scale2 = total / (prior + off2.size - taken_up)
+    return math.sqrt(min(max(scale2, LEAST_SCALE**2), MOST_SCALE**2))

@@ -13,9 +13,15 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from command_post.fusion.team.arithmetic import factorise, invert_factorised, solve_factorised
+from command_post.fusion.team.arithmetic import (
+    factorise,
+    invert_factorised,
+    logarithm,
+    solve_factorised,
+)
 from command_post.fusion.team.elimination import (
     NO_COVARIANCE,
+    determinant,
     eliminate,
     marginals,
     take_step,
@@ -63,3 +69,22 @@ def smooth(
         return cost, made, ends_at, nothing
     shared = invert_factorised(system.arrow)
     return cost, made, marginals(graph, system, shared, covariance), shared
+
+
+@compiled
+def log_determinant(graph: Graph, pose: Floats, arrow: Floats) -> float:
+    """Return the logarithm of the determinant of the normal matrix about ``pose`` and ``arrow``.
+
+    Not finite where that is not positive definite.
+    """
+    system = empty_system(graph, arrow.size)
+    linearise(graph, pose, arrow, system)
+    eliminate(graph, system)
+    if not factorise(system.arrow):
+        return math.inf
+    total = 0.0
+    for node in range(pose.shape[0]):
+        total -= logarithm(determinant(system.inverse[node]))
+    for column in range(arrow.size):
+        total += 2.0 * logarithm(system.arrow[column, column])
+    return total

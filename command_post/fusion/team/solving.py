@@ -14,7 +14,7 @@ from command_post.fusion.team.assembly import (
     AxisBelief,
     assemble,
 )
-from command_post.fusion.team.axis import directions, likely_axis, share_along
+from command_post.fusion.team.axis import by_leg, directions, likely_axis, share_along
 from command_post.fusion.team.chain import UnitName, turn_known
 from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.graph import AXIS
@@ -245,12 +245,12 @@ def _go_along_one(several_rad: list[Floats], settings: TeamSettings) -> bool:
 def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
     """Return twice the negative log-posterior, comparable between beliefs of the axis.
 
-    Of a building with an axis the directions of straight moves have a wrapped Cauchy density,
-    without one they are uniform. That most buildings have one, and that the incident's frame is
+    Of a building with an axis the directions of legs have a wrapped Cauchy density, without one
+    they are uniform. That most buildings have one, and that the incident's frame is
     laid along it, is worth something beforehand.
     """
-    count = len(tried.assembled.graph.straight_at)
-    gained = count * (2.0 * math.log(math.pi * settings.straight_sd_rad) - UNIFORM_COST)
+    count, again = by_leg(tried.assembled.graph, tried.pose, tried.arrow)
+    gained = count * (2.0 * math.log(math.pi * settings.straight_sd_rad) - UNIFORM_COST) - again
     if tried.belief.mode == "given":
         return tried.cost + gained
     if tried.belief.mode == "free":
