@@ -44,7 +44,8 @@ def review(
     page
         HOST:PORT of this machine where a browser finds it.
     origin
-        Where the incident's origin is, as of 'run', for exports as GeoJSON and KML.
+        Where the incident's origin is, as of 'run', for exports as GeoJSON and KML; as it was last
+        said in the recording, if not given.
     plan
         The building's walls, in GeoJSON, to compare with.
     settings
@@ -64,7 +65,9 @@ def review(
                 _read_aside(past),
                 Background(sources, past.begin_ns, past.end_ns) as background,
                 served(
-                    lambda ends: make_review_app(Exhibit(past, background, place), ends),
+                    lambda ends: make_review_app(
+                        Exhibit(past, background, place or past.origin()), ends
+                    ),
                     address,
                     None,
                 ),

@@ -117,6 +117,22 @@ def test_the_time_line_says_what_happened_when_and_by_whom(past: Past) -> None:
     assert line.read_s == line.length_s
 
 
+def test_a_recording_that_was_broken_off_is_shown_as_far_as_it_is_there(
+    path: Path, tmp_path: Path
+) -> None:
+    part = tmp_path / "broken.mcap.part"
+    content = path.read_bytes()
+    part.write_bytes(content[: round(0.8 * len(content))])
+    with IndexedRecording([part]) as recording:
+        broken = Past(recording)
+        for _ in broken.read():
+            pass
+        line = timeline_of(broken)
+        assert ALARM_S < line.length_s < 220.0
+        assert line.faults[0].startswith("unfinished")
+        assert rows(broken.moment(at(broken, ALARM_S + 1.0)))["r2"]["alarm"]["kind"] == "mayday"
+
+
 def test_what_does_not_say_what_it_is_of_is_refused(tmp_path: Path) -> None:
     RecordingFile(tmp_path / "a.mcap", {}).finish()
     with (

@@ -106,5 +106,9 @@ def test_a_recording_is_gone_through(url: str, page: Page) -> None:
     with page.expect_download() as downloaded:
         page.get_by_role("link", name="KML").click()
     assert downloaded.value.suggested_filename.endswith(".kml")
+    box, line = (page.locator(each).bounding_box() for each in ("#place", "#timeline"))
+    assert box is not None
+    assert line is not None
+    assert box["y"] + box["height"] <= line["y"] + 1, "the map is above the time line"
     assert {urlsplit(each).netloc for each in watched.asked} == {urlsplit(url).netloc}
     assert watched.errors == []

@@ -107,7 +107,7 @@ export class Comparison {
   }
 
   #style(feature) {
-    const { lost: colour, ground } = this.#view.colours;
+    const { ink: colour, ground } = this.#view.colours;
     if (feature.getGeometry().getType() === "Point") {
       return new ol.style.Style({ image: new ol.style.Circle({ radius: 6,
         fill: new ol.style.Fill({ color: ground }), stroke: new ol.style.Stroke({ color: colour, width: 2.5 }) }) });

@@ -1,0 +1,75 @@
+"""What the page over a recording answers, and what it refuses: nothing can be changed in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+from command_post.review.background import Background
+from command_post.review.past import Past
+from command_post.review.wishes import Sources
+from command_post.web.review_app import Exhibit, make_review_app
+from shared.mcap_index import IndexedRecording
+from tests.eventful import ALARM_S, eventful
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    path: Path = eventful(tmp_path_factory.mktemp("api") / "eventful.mcap")
+    with IndexedRecording([path]) as recording:
+        past = Past(recording)
+        for _ in past.read():
+            pass
+        exhibit = Exhibit(past, Background(Sources(path), past.begin_ns, past.end_ns))
+        app = make_review_app(exhibit, lambda: True)
+        with TestClient(app, base_url="http://127.0.0.1") as client:
+            yield client
+
+
+def test_a_moment_and_what_follows_it_are_told(client: TestClient) -> None:
+    assert client.get("/api/v1/me").json()["review"] is True
+    moment = client.get("/api/v1/moment", params={"at_s": ALARM_S}).json()
+    assert [alert["kind"] for alert in moment["alerts"]] == ["mayday"]
+    params = {"after_s": ALARM_S - 1.0, "step_s": 0.5, "count": 6}
+    steps = client.get("/api/v1/moments", params=params).json()
+    assert ["alerts" in each for each in steps] == [False, True, False, False, False, False]
+    assert ["roster" in each for each in steps] == [False, False, True, False, False, True]
+
+
+def test_beyond_its_ends_a_recording_stands_still(client: TestClient) -> None:
+    last = client.get("/api/v1/moment", params={"at_s": 1e9}).json()
+    assert last == client.get("/api/v1/moment", params={"at_s": 1e12}).json()
+    assert client.get("/api/v1/moment", params={"at_s": -5}).json().get("tracks") is None
+
+
+@pytest.mark.parametrize("at_s", ["", "x", "nan", "inf", "1;2"])
+def test_what_is_no_time_is_refused(client: TestClient, at_s: str) -> None:
+    assert client.get("/api/v1/moment", params={"at_s": at_s}).status_code == 400
+
+
+def test_nothing_can_be_ordered_or_dealt_with(client: TestClient) -> None:
+    token = {"x-clew-token": client.get("/api/v1/me").json()["token"]}
+    for path in ("orders", "alerts/0", "clicks"):
+        assert client.post(f"/api/v1/{path}", json={}, headers=token).status_code in (404, 405)
+
+
+def test_a_comparison_takes_the_token_and_what_there_is(client: TestClient) -> None:
+    token = {"x-clew-token": client.get("/api/v1/me").json()["token"]}
+    wish = {"way": "smoothed", "plan": True}
+    assert client.post("/api/v1/comparison", json=wish).status_code == 403
+    assert client.post("/api/v1/comparison", json=wish, headers=token).status_code == 409
+    bad = {"way": "guess"}
+    assert client.post("/api/v1/comparison", json=bad, headers=token).status_code == 400
+    assert client.get("/api/v1/comparison/result").status_code == 404
+    assert client.get("/api/v1/comparison").json()["wish"] is None
+
+
+def test_exports_are_files_to_be_kept(client: TestClient) -> None:
+    table = client.get("/api/v1/export/incident.csv")
+    assert table.headers["content-disposition"] == 'attachment; filename="rehearsal.csv"'
+    assert table.text.startswith("time,responder")
+    assert client.get("/api/v1/export/incident.kml").status_code == 409
+    assert client.get("/api/v1/export/incident.exe").status_code == 404
