@@ -6,6 +6,7 @@ Whatever becomes of the server, the post does not wait: the newest is told once 
 from __future__ import annotations
 
 import asyncio
+import ssl
 import threading
 import time
 import warnings
@@ -57,7 +58,28 @@ def checked_server(server: TakServer) -> TakServer:
     for path in needed:
         if path is not None and not path.is_file():
             raise ValueError(f"{path}: no such file; give the PEM files that the server issued")
+    _check_files(server)
     return server
+
+
+def _check_files(server: TakServer) -> None:
+    if server.certificate is None or server.authority is None:
+        return
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    try:
+        # An empty password: one that is needed would be asked for at the terminal.
+        context.load_cert_chain(server.certificate, server.key, password="")
+    except (ssl.SSLError, OSError, ValueError) as error:
+        raise ValueError(
+            f"--tak-cert {server.certificate}, --tak-key {server.key}: give a certificate and its "
+            f"own key, PEM, without a password ({error})"
+        ) from error
+    try:
+        context.load_verify_locations(server.authority)
+    except (ssl.SSLError, OSError) as error:
+        raise ValueError(
+            f"--tak-ca {server.authority}: give certificates, PEM ({error})"
+        ) from error
 
 
 class TakLink:
@@ -101,7 +123,7 @@ class TakLink:
             try:
                 await self._talk()
                 told = ""
-            except (OSError, SyntaxError, asyncio.IncompleteReadError) as error:
+            except (OSError, ValueError, SyntaxError, asyncio.IncompleteReadError) as error:
                 if str(error) != told:
                     _log.warning("no link to TAK, trying on", url=self._server.url, why=str(error))
                 told = str(error)
@@ -190,6 +212,8 @@ def _configuration(server: TakServer) -> object:
     parser["tak"] = {
         "COT_URL": server.url,
         "TAK_PROTO": "0",
+        # PyTAK would take all, those without authentication among them.
+        "PYTAK_TLS_CLIENT_CIPHERS": "DEFAULT:!aNULL:!eNULL",
         **{name: str(path) for name, path in files.items() if path is not None},
     }
     return parser["tak"]
