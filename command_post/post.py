@@ -362,6 +362,10 @@ class Post:
     def _take_own(self, key: str, payload: bytes) -> None:
         now_ns = self._handled_at_ns(self._clock.now_ns())
         self._publish(self._recorded.handle(key, payload, now_ns))
+        if key.endswith("/outside"):
+            # What others say is not the post's word, and is shown beside it.
+            for guest in self._guests:
+                guest.published(key, payload)
 
     def _publish(self, outgoing: Sequence[Outgoing]) -> None:
         for key, payload in self._voice.say(outgoing):

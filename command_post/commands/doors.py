@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import structlog
 from cyclopts import Parameter
@@ -13,6 +14,7 @@ from cyclopts import Parameter
 from command_post.gateways.foxglove_live import foxglove_address, foxglove_served
 from command_post.gateways.tak import TakServer, checked_server, linked_to_tak
 from command_post.listening import Address
+from command_post.plan_images import load_plan
 from command_post.post import Guest
 from command_post.starting_origin import StartingOrigin
 from command_post.web.server import page_address, page_served
@@ -35,6 +37,10 @@ class Doors:
     people
         File of those who may sign in at the page ('command-post people' makes it). Without one
         the page is for this machine alone, and whoever sits there commands.
+    plan_image
+        A storey's plan (PNG) to draw in the page: FILE[@HEIGHT], placed by its world file of metres
+        east and north (FILE.pgw), or FILE[@HEIGHT];X,Y=NORTH,EAST;X,Y=NORTH,EAST by two points.
+        One an option, for as many storeys as there are.
     origin
         Where the incident's origin is: LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], degrees and metres
         above the ellipsoid; BEARING is how far its north is clockwise of true north. What people
@@ -55,6 +61,7 @@ class Doors:
 
     page: str | None = None
     people: Path | None = None
+    plan_image: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = ()
     origin: str | None = None
     tak: str | None = None
     tak_cert: Path | None = None
@@ -71,15 +78,18 @@ class Doors:
 
     @contextmanager
     def opened(
-        self, incident: NodeId, post_id: NodeId, bundle: Bundle | None
+        self, incident: NodeId, post_id: NodeId, bundle: Bundle | None, plan: Path | None = None
     ) -> Iterator[tuple[Guest, ...]]:
         """Give who is to be told of what the post says, and hear them, until the block ends.
+
+        The page draws the walls in ``plan``, where it can be used.
 
         Raises ``ValueError`` for options that cannot be used, ``OSError`` where nobody can listen.
         """
         address, place = self._address(bundle), self.place
+        drawn = load_plan(plan, self.plan_image)
         with (
-            page_served(address, incident, post_id, bundle, self.people) as page,
+            page_served(address, incident, post_id, bundle, self.people, drawn) as page,
             linked_to_tak(self._server, incident, place) as link,
             foxglove_served(self._foxglove_address(), incident, place) as door,
         ):

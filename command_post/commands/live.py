@@ -164,7 +164,7 @@ def run(
                 ) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
-                doors.opened(incident, post_id, bundle) as guests,
+                doors.opened(incident, post_id, bundle, plan) as guests,
             ):
                 state = checkpoint_path(record)
                 part = recorder.unfinished

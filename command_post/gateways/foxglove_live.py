@@ -44,7 +44,7 @@ LOOK_S = 0.2
 AGAIN_S = 3.0
 """Everything is drawn again as it stands so often: who has just come has missed it."""
 
-_DRAWN = frozenset({"origin", "track", "dap_place", "alert", "order"})
+_DRAWN = frozenset({"origin", "track", "dap_place", "alert", "order", "outside"})
 
 _log = structlog.stdlib.get_logger(__name__)
 

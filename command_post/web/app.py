@@ -24,6 +24,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
+from command_post.plan_images import Plan
 from command_post.web.answers import RefusedError, body_of, json_answer, tell_refusal
 from command_post.web.board import Changes
 from command_post.web.calls import (
@@ -67,6 +68,7 @@ class Site(NamedTuple):
     """What a page is about, and who may come in; without a ``door`` nobody needs to sign in.
 
     ``secure``: it is served encrypted. ``hosts``: the names it goes by; empty for any.
+    ``plan``: what is drawn beneath the map.
     """
 
     incident: NodeId
@@ -75,6 +77,7 @@ class Site(NamedTuple):
     door: Door | None
     secure: bool
     hosts: frozenset[str]
+    plan: Plan = Plan()
 
 
 def make_app(site: Site, ends: Callable[[], bool]) -> Starlette:
@@ -187,6 +190,15 @@ class _Api:
             media_type="text/event-stream",
             headers={"Cache-Control": "no-store"},
         )
+
+    async def plan(self, _: Request, __: Session) -> Response:
+        return json_answer(self._site.plan.view)
+
+    async def plan_image(self, request: Request, _: Session) -> Response:
+        number, images = request.path_params["number"], self._site.plan.images
+        if number >= len(images):
+            raise RefusedError(HTTPStatus.NOT_FOUND, "there is no such image")
+        return Response(images[number], media_type="image/png")
 
     async def order(self, _: Request, session: Session, given: OrderBody) -> Response:
         return self._asked(

@@ -26,6 +26,7 @@ from shared.messages import (
     OrderAnswer,
     OriginSet,
     Outline,
+    OutsideWord,
     TrackEstimate,
     TrackStatus,
     Vector3,
@@ -41,7 +42,10 @@ TRAIL_SPACING_M = 0.5
 """Points of a way behind somebody: so many, so far apart at least; the oldest go first."""
 
 MOST_ANSWERS = 64
-_SHOWN = frozenset({"track", "alert", "order_answer", "origin"})
+MOST_OUTSIDE = 200
+"""Of what others put on the map the newest are shown."""
+
+_SHOWN = frozenset({"track", "alert", "order_answer", "origin", "outside"})
 
 
 class TrackView(msgspec.Struct, frozen=True):
@@ -86,6 +90,7 @@ class Changes(msgspec.Struct, frozen=True, omit_defaults=True):
     floors: list[Floor] | None = None
     sites: list[Site] | None = None
     origin: Origin | None = None
+    outside: list[OutsideWord] | None = None
     trails: dict[NodeId, list[Vector3]] | None = None
 
 
@@ -109,6 +114,7 @@ class Board:
         self._coverage = Coverage()
         self._sites: tuple[int, list[Site]] = (0, [])
         self._origin: tuple[int, Origin | None] = (0, None)
+        self._outside: tuple[int, dict[str, OutsideWord]] = (0, {})
 
     def publish(self, key_text: str, payload: bytes) -> None:
         """Take in a message that the post has published; what the page does not show is passed."""
@@ -132,6 +138,8 @@ class Board:
                 self._answers.append((self.version, message))
             case OriginSet():
                 self._origin = (self.version, Origin.said(message))
+            case OutsideWord():
+                self._hear_outside(message)
 
     @property
     def origin(self) -> Origin | None:
@@ -168,8 +176,18 @@ class Board:
             floors=floors if changed_floors > version else None,
             sites=self._sites[1] if self._sites[0] > version else None,
             origin=self._origin[1] if self._origin[0] > version else None,
+            outside=[*self._outside[1].values()] if self._outside[0] > version else None,
             trails={name: list(way) for name, way in self._trails.items()} if whole else None,
         )
+
+    def _hear_outside(self, word: OutsideWord) -> None:
+        """Have what others put on a map be on ours; what they take back no more."""
+        shown = {uid: one for uid, one in self._outside[1].items() if uid != word.uid}
+        if word.position is not None and word.kind in ("marker", "mayday"):
+            shown[word.uid] = word
+        elif word.kind != "cancel":
+            return
+        self._outside = (self.version, dict([*shown.items()][-MOST_OUTSIDE:]))
 
     def _grow(self, rows: Iterable[ResponderRow]) -> None:
         """Have those who are not heard be somewhere in a region that grows."""

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 from msgspec import Meta
 
+from command_post.plan_view import PlanView
 from command_post.ways import Way
 from command_post.web.board import Changes
 from command_post.web.people import Role
@@ -139,6 +140,10 @@ CALLS: tuple[Call, ...] = (
          Sent, refuses=(_MISSING,)),
     Call("rescue", "GET", "/ways/rescue/{responder_id}", "Who is soonest there, and how.", "viewer",
          Sent, refuses=(_MISSING,)),
+    Call("plan", "GET", "/plan", "The building's walls, and where images of it lie.", "viewer",
+         PlanView),
+    Call("plan_image", "GET", "/plan/{number}", "An image of a storey.", "viewer", str,
+         media_type="image/png", refuses=(_MISSING,)),
     Call("events", "GET", "/events", "What has changed, as it does: server-sent events.", "viewer",
          str, media_type="text/event-stream"),
     Call("order", "POST", "/orders", "Order somebody to do something.", "commander", Asked,

@@ -17,7 +17,7 @@ from shared.bus.inbox import Inbox
 
 MOST_TRACKS = 20_000
 MOST_RARE = 4_096
-_RARE = frozenset({"alert", "order_answer", "origin"})
+_RARE = frozenset({"alert", "order_answer", "origin", "outside"})
 
 
 class Follower(Protocol):

@@ -70,7 +70,7 @@ class _Review:
     def __init__(self, exhibit: Exhibit, ends: Ends) -> None:
         self._past = exhibit.past
         self._background = exhibit.background
-        self._origin = exhibit.origin
+        self._origin = exhibit.origin or exhibit.past.origin()
         self._ends = ends
         self._token = secrets.token_urlsafe(32)
         self._material: Material | None = None

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from command_post.listening import Address, listening_address
+from command_post.plan_images import Plan
 from command_post.web.app import Site, make_app
 from command_post.web.page import Page
 from command_post.web.people import LOCAL_NAME, Door, Person, load_people
@@ -39,6 +40,7 @@ def page_served(
     post_id: NodeId,
     bundle: Bundle | None,
     people: Path | None,
+    plan: Plan = Plan(),  # noqa: B008 - it is immutable
 ) -> Iterator[Page | None]:
     """Serve a page at ``address`` until the block ends, and give it; ``None`` without an address.
 
@@ -52,7 +54,7 @@ def page_served(
     door = None if people is None else Door(_named(people, post_id), time.monotonic())
     secure = bundle is not None and not address.is_local
     hosts = LOCAL_NAMES if address.is_local else frozenset[str]()
-    site = Site(incident, post_id, page, door, secure=secure, hosts=hosts)
+    site = Site(incident, post_id, page, door, secure=secure, hosts=hosts, plan=plan)
     stop = threading.Event()
     keeper = threading.Thread(target=page.keep_up, args=(stop,), name="page-keeper")
     with served(lambda ends: make_app(site, ends), address, _keys(bundle) if secure else None):

@@ -9,6 +9,9 @@ from itertools import pairwise
 import pytest
 from starlette.testclient import TestClient
 
+from command_post.fusion.walls import Wall
+from command_post.plan_images import Plan
+from command_post.plan_view import PNG, PlanImage, PlanView
 from command_post.web.answers import MOST_BODY_BYTES
 from command_post.web.app import Site, make_app
 from command_post.web.page import Page
@@ -236,3 +239,16 @@ def test_the_origin_is_set_through_a_place_that_somebody_knows(
     for wrong in ({"latitude_deg": 91.0}, {"longitude_deg": None}, {"height_m": 1e9}):
         assert local.post("/api/v1/origin", json=door | wrong).status_code == 400
     assert asked(page) == []
+
+
+def test_the_plan_is_told_and_its_images_given_to_those_who_may_see(page: Page) -> None:
+    wall = Wall(0.0, 0.0, 5.0, 0.0)
+    view = PlanView((wall,), (PlanImage(0, 0.0, (0.1, 0.0, 0.0, -0.1, 0.0, 0.0)),))
+    hosts = frozenset({"testserver"})
+    site = Site("fire", "post", page, None, secure=False, hosts=hosts, plan=Plan(view, (PNG,)))
+    with TestClient(make_app(site, lambda: True)) as client:
+        assert client.get("/api/v1/plan").json()["walls_m"] == [[0.0, 0.0, 5.0, 0.0]]
+        assert client.get("/api/v1/plan/0").content == PNG
+        assert client.get("/api/v1/plan/1").status_code == 404
+    with client_of(page, people("viewer")) as client:
+        assert client.get("/api/v1/plan/0").status_code == 401

@@ -8,9 +8,9 @@ import pytest
 
 from command_post.confidence import CHI_SQUARE_95
 from command_post.roster import ResponderRow, Roster
-from command_post.web.board import SILENCE_S, SILENT_SPEED_M_S, TRAIL_POINTS, Board
+from command_post.web.board import MOST_OUTSIDE, SILENCE_S, SILENT_SPEED_M_S, TRAIL_POINTS, Board
 from shared.codec import encode
-from shared.messages import Alert, FloorShare, TrackEstimate
+from shared.messages import Alert, FloorShare, LocalPosition, OutsideWord, TrackEstimate
 from shared.units import NS_PER_S
 
 KEY = "clew/v1/test/post/post/track"
@@ -121,3 +121,35 @@ def test_alerts_are_told_as_they_stand_and_rubbish_is_passed_over() -> None:
     board.publish("clew/v1/test/post/post/alert", b"\xc1")
     board.publish("no key at all", b"")
     assert board.since(0).alerts == [alert]
+
+
+def test_what_others_put_on_their_map_is_on_ours_until_they_take_it_back() -> None:
+    board = Board()
+
+    def say(kind: str, uid: str, north_m: float | None = 1.0) -> None:
+        here = None if north_m is None else LocalPosition(
+            north_m=north_m, east_m=0.0, down_m=0.0, covariance_m2=(100.0, 0.0, 100.0)
+        )  # fmt: skip
+        word = OutsideWord(
+            event_time_ns=0, sequence=0, kind=kind, uid=uid, callsign="E5", words="", position=here  # type: ignore[arg-type]
+        )  # fmt: skip
+        board.publish("clew/v1/test/post/tak/outside", encode(word))
+
+    def shown() -> list[tuple[str, str, float]]:
+        told = board.since(0).outside or []
+        return [(one.uid, one.kind, one.position.north_m) for one in told if one.position]
+
+    assert board.since(0).outside is None
+    say("marker", "u1")
+    say("mayday", "u2")
+    say("message", "u3")
+    say("marker", "u4", None)
+    say("marker", "u1", 7.0)
+    assert shown() == [("u2", "mayday", 1.0), ("u1", "marker", 7.0)]
+    version = board.version
+    say("cancel", "u2")
+    assert board.since(version).outside is not None
+    assert shown() == [("u1", "marker", 7.0)]
+    for number in range(MOST_OUTSIDE + 5):
+        say("marker", f"n{number}")
+    assert len(shown()) == MOST_OUTSIDE

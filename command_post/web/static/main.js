@@ -31,6 +31,7 @@ function draw() {
   if (now.panels) {
     view.drawDaps();
     view.drawSites();
+    view.drawOutside();
     drawPanels();
     comparison?.show();
   }
@@ -57,7 +58,7 @@ function ask(what) {
 function take(changes) {
   model.take(changes);
   soundNew(changes.alerts ?? [], Boolean(changes.trails));
-  const panels = Boolean(changes.roster || changes.alerts?.length || changes.floors || changes.sites);
+  const panels = Boolean(changes.roster || changes.alerts?.length || changes.floors || changes.sites || changes.outside);
   ask({ tracks: Boolean(changes.tracks?.length || changes.trails), panels });
 }
 
@@ -175,8 +176,9 @@ async function begin() {
   $("sign-out").hidden = me.name === "local";
   $("sign-out").textContent = `${word("sign_out")} (${me.name})`;
   for (const button of document.querySelectorAll("[data-role]")) button.disabled = !may(button.dataset.role);
-  if (me.review) beginReview();
-  else post.follow(take, linked);
+  if (me.review) { beginReview(); return; }
+  post.follow(take, linked);
+  view.showPlan(await post.plan());
 }
 
 /** Nothing can be ordered in what is past: what would do so is not shown. */

@@ -1,6 +1,7 @@
 // The map: ways that were walked, who is where and how surely, access points. Metres, north is up.
 /* global ol */
 import { CrowdLayer } from "./crowd_layer.js";
+import { PlanLayers } from "./plan_layer.js";
 
 const projection = new ol.proj.Projection({ code: "clew:local", units: "m" });
 
@@ -10,6 +11,8 @@ export class MapView {
   #way;
   #daps = new Map();
   #sites = null;
+  #outside = null;
+  #plan;
   #styles = new Map();
   #floor = null;
   #followed = true;
@@ -17,13 +20,15 @@ export class MapView {
   constructor(target, model) {
     this.#model = model;
     this.#crowd = new CrowdLayer(model);
-    this.sources = { daps: new ol.source.Vector(), sites: new ol.source.Vector(), way: new ol.source.Vector() };
+    this.sources = { daps: new ol.source.Vector(), sites: new ol.source.Vector(), way: new ol.source.Vector(),
+      outside: new ol.source.Vector() };
+    this.#plan = new PlanLayers(projection, (down_m) => model.storeyAt(down_m));
     const layer = (source) => new ol.layer.Vector({ source, updateWhileInteracting: true,
       updateWhileAnimating: true, style: (feature) => this.#style(feature) });
     this.#way = layer(this.sources.way);
     this.map = new ol.Map({
       target,
-      layers: [layer(this.sources.sites), layer(this.sources.daps), this.#crowd, this.#way],
+      layers: [this.#plan.group, layer(this.sources.sites), layer(this.sources.outside), layer(this.sources.daps), this.#crowd, this.#way],
       view: new ol.View({ projection, center: [0, 0], resolution: 0.15, minResolution: 0.005,
         maxResolution: 50, enableRotation: false }),
       controls: [new ol.control.ScaleLine({ minWidth: 80 })],
@@ -39,6 +44,7 @@ export class MapView {
       "faint", "accent", "ground"].map((name) => [name, read(name)]));
     this.#styles.clear();
     this.#crowd.setColours(this.colours);
+    this.#plan.setColour(this.colours.faint);
     this.map.getAllLayers().forEach((layer) => layer.changed());
   }
 
@@ -46,11 +52,13 @@ export class MapView {
   showFloor(level) {
     this.#floor = level;
     this.#crowd.setLevel(level);
+    this.#plan.setLevel(level);
     this.map.getAllLayers().forEach((layer) => layer.changed());
   }
 
   fit() {
     const extent = ol.extent.extend(this.#crowd.extent(true), this.sources.daps.getExtent());
+    ol.extent.extend(extent, this.#plan.extent());
     if (ol.extent.isEmpty(extent)) return;
     this.#followed = true;
     this.map.getView().fit(ol.extent.buffer(extent, 5), { padding: [30, 30, 50, 30], maxZoom: 28 });
@@ -89,6 +97,7 @@ export class MapView {
   }
 
   drawDaps() {
+    this.#plan.setLevel(this.#floor);
     const here = new Set();
     for (const dap of this.#model.roster?.daps ?? []) {
       if (!dap.position) continue;
@@ -109,6 +118,21 @@ export class MapView {
     for (const [id, feature] of this.#daps) {
       if (!here.has(id)) { this.sources.daps.removeFeature(feature); this.#daps.delete(id); }
     }
+  }
+
+  showPlan(plan) {
+    this.#plan.set(plan);
+  }
+
+  /** What people of other systems have put on the map. */
+  drawOutside() {
+    if (this.#outside === this.#model.outside) return;
+    this.#outside = this.#model.outside;
+    this.sources.outside.clear();
+    this.sources.outside.addFeatures(this.#outside.map((word) => new ol.Feature({ kind: "outside",
+      status: word.kind === "mayday" ? "lost" : "", level: this.#model.floorOf(word.position.down_m),
+      id: [word.callsign, word.words].filter(Boolean).join(": "),
+      geometry: new ol.geom.Point([word.position.east_m, word.position.north_m]) })));
   }
 
   /** Where a further DAP would tell most. */
@@ -146,6 +170,10 @@ export class MapView {
     if (kind === "site") {
       return new ol.style.Style({ text, image: new ol.style.RegularShape({ points: 4, radius: 9, angle: Math.PI / 4,
         stroke: new ol.style.Stroke({ color: colour, width: 2, lineDash: [4, 3] }) }) });
+    }
+    if (kind === "outside") {
+      return new ol.style.Style({ text, image: new ol.style.RegularShape({ points: 3, radius: 9,
+        fill: new ol.style.Fill({ color: this.colours.ground }), stroke: new ol.style.Stroke({ color: colour, width: 2.5 }) }) });
     }
     return new ol.style.Style({ text, image: new ol.style.RegularShape({ points: 4, radius: 8, angle: Math.PI / 4,
       fill: new ol.style.Fill({ color: status === "lost" ? this.colours.ground : colour }),

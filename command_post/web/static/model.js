@@ -3,6 +3,7 @@ const MOST_TRAIL = 300;
 const TRAIL_SPACING_M = 0.5;
 const WORST_FIRST = ["mayday", "fall", "motionless", "low_air", "left_team", "lost_contact", "intruder", "dap_dead",
   "dap_moved", "low_battery", "doubt"];
+const STOREY_M = 1.8;
 const STAGES = ["raised", "acknowledged", "assigned", "resolved"];
 
 export class Model {
@@ -15,6 +16,7 @@ export class Model {
     this.floors = [{ level: 0, down_m: 0 }];
     this.sites = [];
     this.origin = null;
+    this.outside = [];
   }
 
   /** Take in what has changed; `trails` are whole where they are given. */
@@ -34,6 +36,7 @@ export class Model {
     if (changes.floors) this.floors = changes.floors;
     if (changes.sites) this.sites = changes.sites;
     if (changes.origin) this.origin = changes.origin;
+    if (changes.outside) this.outside = changes.outside;
   }
 
   /** What is not resolved: the newest of the worst first, and what nobody has seen before all. */
@@ -59,6 +62,13 @@ export class Model {
       .filter((row) => row.status === "lost" || row.alarm || alerted.has(row.responder_id))
       .map((row) => row.responder_id);
     return new Set(ids);
+  }
+
+  /** The floor on which something at a height is; `null` where no floor is so high. */
+  storeyAt(down_m) {
+    const level = this.floorOf(down_m);
+    const floor = this.floors.find((one) => one.level === level);
+    return Math.abs(floor.down_m - down_m) < STOREY_M ? level : null;
   }
 
   floorOf(down_m) {

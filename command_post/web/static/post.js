@@ -24,6 +24,7 @@ export const order = (kind, to, text) => talk("orders", { kind, to, text });
 export const turnAlert = (number, stage, assigned_to = null) =>
   talk(`alerts/${number}`, { stage, assigned_to });
 
+export const plan = () => talk("plan");
 export const setOrigin = (origin) => talk("origin", origin);
 
 export const wayOut = (id) => talk(`ways/out/${id}`);
