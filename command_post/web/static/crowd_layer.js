@@ -31,8 +31,14 @@ export class CrowdLayer extends ol.layer.Layer {
     this.#trails = new TrailPicture(model, (id) => this.#lookOfTrail(id));
     this.#trails.canvas.className = "trails";
     this.#element.className = "crowd";
-    this.#element.append(this.#trails.canvas, this.#canvas);
+    this.#element.append(this.#canvas);
+    const ground = Object.assign(document.createElement("div"), { className: "crowd" });
+    ground.append(this.#trails.canvas);
+    this.ground = new ol.layer.Layer({ render: () => ground });
   }
+
+  /** A layer for the ways they came, to lie under whatever people are to stand upon. */
+  ground;
 
   /** Where everybody stands in the picture (east, north), by id; it fires `drawn` when that is new. */
   drawn = new Map();

@@ -28,7 +28,8 @@ export class MapView {
     this.#way = layer(this.sources.way);
     this.map = new ol.Map({
       target,
-      layers: [this.#plan.group, layer(this.sources.sites), layer(this.sources.outside), layer(this.sources.daps), this.#crowd, this.#way],
+      layers: [this.#plan.group, this.#crowd.ground, this.#way, layer(this.sources.sites),
+        layer(this.sources.outside), layer(this.sources.daps), this.#crowd],
       view: new ol.View({ projection, center: [0, 0], resolution: 0.15, minResolution: 0.005,
         maxResolution: 50, enableRotation: false }),
       controls: [new ol.control.ScaleLine({ minWidth: 80 })],

@@ -24,11 +24,16 @@ function renew(list, entries, make) {
       made.dataset.shown = text;
       item ? item.replaceWith(made) : null;
       item = made;
-      if (focused) item.querySelector(`[data-action="${focused}"]`)?.focus();
+      const again = `[data-action="${focused}"]`;
+      if (focused) (item.matches(again) ? item : item.querySelector(again) ?? item.querySelector("button"))?.focus();
     }
     if (list.children[index] !== item) list.insertBefore(item, list.children[index] ?? null);
   });
-  for (const item of known.values()) item.remove();
+  for (const item of known.values()) {
+    const focused = item.contains(document.activeElement);
+    item.remove();
+    if (focused) (list.querySelector("button") ?? list.closest("section")).focus();
+  }
 }
 
 export function showAlerts(model, may, actions) {

@@ -45,8 +45,8 @@ export const compared = () => talk("comparison/result");
 export function follow(changed, linked) {
   const events = new EventSource("api/v1/events");
   events.addEventListener("changes", (event) => {
-    linked(true);
     changed(JSON.parse(event.data));
+    linked(true);
   });
   events.addEventListener("open", () => linked(true));
   events.addEventListener("error", () => linked(false));
