@@ -123,6 +123,7 @@ export class MapView {
 
   showPlan(plan) {
     this.#plan.set(plan);
+    this.#plan.setLevel(this.#floor);
   }
 
   /** What people of other systems have put on the map. */
