@@ -119,6 +119,8 @@ def test_floors_units_and_language_are_chosen(running: Running, browser: Browser
     page.get_by_role("button", name="한국어").click()
     expect(page.get_by_role("button", name="대피")).to_be_visible()
     expect(page.locator("html")).to_have_attribute("lang", "ko")
+    # What the post says of reasons, too, in whole.
+    expect(page.locator("#responder-list .why").first).to_have_text(re.compile("^[^A-Za-z]+$"))
     assert watched.errors == []
     page.close()
 

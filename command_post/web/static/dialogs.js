@@ -1,4 +1,5 @@
 // What is asked before something is done: whom to order what, whom to give an alert to, who one is.
+import { told } from "./phrases.js";
 import * as post from "./post.js";
 import { word } from "./words.js";
 
@@ -33,7 +34,7 @@ async function sendOrder(kind) {
     await post.order(kind, ticked.includes("") ? [] : ticked, text);
     $("order-dialog").close();
   } catch (error) {
-    $("order-problem").textContent = `${word("refused")} ${error.message}`;
+    $("order-problem").textContent = `${word("refused")} ${told(error.message)}`;
   }
 }
 
@@ -69,7 +70,7 @@ export function askOrigin(origin, pick) {
       await post.setOrigin({ ...given, north_m: place[0], east_m: place[1] });
       $("earth-dialog").close();
     } catch (error) {
-      $("earth-problem").textContent = `${word("refused")} ${error.message}`;
+      $("earth-problem").textContent = `${word("refused")} ${told(error.message)}`;
     }
   };
   show();
@@ -94,7 +95,7 @@ export function askWho(entered) {
       $("sign-in-dialog").close();
       entered();
     } catch (error) {
-      $("sign-in-problem").textContent = error.message;
+      $("sign-in-problem").textContent = told(error.message);
     }
   };
   $("sign-in-dialog").oncancel = (event) => event.preventDefault();

@@ -4,6 +4,7 @@ import { askAssign, askOrder, askOrigin, askWho, showWay } from "./dialogs.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
 import { showAlerts, showDaps, showFloors, showPeople, wayWords } from "./panels.js";
+import { loadPhrases, told } from "./phrases.js";
 import * as post from "./post.js";
 import { Review } from "./review.js";
 import { changeLanguage, changeUnits, duration, word, writeWords } from "./words.js";
@@ -46,7 +47,7 @@ function drawPanels() {
   showAlerts(model, may("operator"), { turn, assign });
   showPeople(model, { centre: (id) => view.centre(id), wayOut, rescue });
   showDaps(model);
-  const remarks = (model.roster?.remarks ?? []).join(" · ");
+  const remarks = (model.roster?.remarks ?? []).map(told).join(" · ");
   $("link").title = remarks;
 }
 
@@ -68,7 +69,7 @@ function soundNew(alerts, before) {
     const isNew = alert.stage === "raised" && !seen.has(alert.number);
     seen.add(alert.number);
     if (!isNew || before) continue;
-    $("new-alert").textContent = `${word(alert.kind)}: ${alert.node_id}. ${alert.words}`;
+    $("new-alert").textContent = `${word(alert.kind)}: ${alert.node_id}. ${told(alert.words)}`;
     beep();
   }
 }
@@ -112,7 +113,7 @@ async function turn(alert, stage, assigned_to = null) {
   try {
     await post.turnAlert(alert.number, stage, assigned_to);
   } catch (error) {
-    $("new-alert").textContent = `${word("refused")} ${error.message}`;
+    $("new-alert").textContent = `${word("refused")} ${told(error.message)}`;
   }
 }
 
@@ -131,7 +132,7 @@ async function findWay(name, id, find) {
       showWay(`${word(name)} ${id}${who === id ? "" : ` ← ${who}`}`, words, send, endWay);
     } catch (error) {
       view.showWay(null);
-      showWay(`${word(name)} ${id}`, error.message, null, endWay);
+      showWay(`${word(name)} ${id}`, told(error.message), null, endWay);
     }
   };
   await again();
@@ -169,6 +170,7 @@ function setTheme(night) {
 }
 
 async function begin() {
+  await loadPhrases();
   me = await post.whoAmI();
   $("incident").textContent = me.incident;
   document.title = `Clew: ${me.incident}`;

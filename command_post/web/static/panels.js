@@ -1,4 +1,5 @@
 // The lists beside the map: alerts, responders, access points, and what the post remarks.
+import { told } from "./phrases.js";
 import { duration, length, word } from "./words.js";
 
 const NS_PER_S = 1e9;
@@ -59,7 +60,7 @@ function alertItem(alert, now, may, actions) {
   const age = duration(Math.max(0, now - alert.since_ns) / NS_PER_S);
   const item = element("li", {},
     element("strong", { textContent: `${word(alert.kind)}: ${alert.node_id}` }),
-    element("p", { className: "why", textContent: `${alert.words} · ${age} · ${stage}${by}` }),
+    element("p", { className: "why", textContent: `${told(alert.words)} · ${age} · ${stage}${by}` }),
     element("div", { className: "row" },
       alert.stage === "raised" ? button("acknowledge", () => actions.turn(alert, "acknowledged")) : null,
       button("assign", () => actions.assign(alert)),
@@ -93,7 +94,7 @@ function personItem(row, shown, actions) {
   state.dataset.status = shown.status;
   const sure = shown.radius ? `${word("within")} ${shown.radius}` : "";
   const floor = shown.floor === null ? "" : `${word("floor")} ${shown.floor}${shown.sure < 0.9 ? "?" : ""}`;
-  const why = [shown.reason, shown.activity, shown.left, shown.fault].filter(Boolean).join(" · ");
+  const why = [told(shown.reason), told(shown.activity), shown.left, told(shown.fault)].filter(Boolean).join(" · ");
   const orders = row.orders.map((one) => {
     const stage = one.received ? word("has_it") : word("not_acknowledged");
     return `${word(one.order.kind)}: ${stage}`;
@@ -146,7 +147,7 @@ export function showDaps(model) {
     state.dataset.status = row.status;
     return element("li", {}, element("div", { className: "who" },
       element("strong", { textContent: row.dap_id }), state,
-      element("span", { className: "why", textContent: [row.reason, shown.at(-1), row.fault].filter(Boolean).join(" · ") })));
+      element("span", { className: "why", textContent: [told(row.reason), shown.at(-1), told(row.fault)].filter(Boolean).join(" · ") })));
   });
 }
 

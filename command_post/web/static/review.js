@@ -1,5 +1,6 @@
 // A recording in the page: its time line, played at any speed and gone through to any moment.
 import * as post from "./post.js";
+import { told } from "./phrases.js";
 import { word } from "./words.js";
 
 const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60];
@@ -179,7 +180,7 @@ export class Review {
       return `${this.#clock(step.at_s)} ${word(step.stage)}${step.to ? ` ${step.to}` : ""}${by}`;
     });
     if (mark.awaited.length) steps.push(`${word("not_acknowledged")}: ${mark.awaited.join(", ")}`);
-    return [`${this.#clock(mark.at_s)} ${word(mark.kind)}: ${mark.node_id}. ${mark.words}`, ...steps].join("; ");
+    return [`${this.#clock(mark.at_s)} ${word(mark.kind)}: ${mark.node_id}. ${told(mark.words)}`, ...steps].join("; ");
   }
 }
 

@@ -1,4 +1,4 @@
-// What the page says, by language. Words of the post itself (why somebody is lost) come as they are.
+// What the page says, by language. What the post says of reasons is in phrases.json.
 const CATALOGUE = {
   en: {
     evacuate: "Evacuate", roll_call: "Roll call", message: "Message", units: "m / ft",
@@ -76,6 +76,7 @@ const FEET_PER_M = 3.28084;
 let language = localStorage.getItem("language") ?? "en";
 let feet = localStorage.getItem("feet") === "yes";
 
+export const languageNow = () => language;
 export const word = (name) => CATALOGUE[language][name] ?? name;
 
 export function changeLanguage() {
