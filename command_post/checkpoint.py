@@ -37,7 +37,7 @@ SHARE = 0.02
 """Of the time at most so much goes into keeping it: all that comes meanwhile has to wait."""
 
 MOST_HALT_S = 1.0
-"""Nobody is to wait longer for their estimate because the state is being kept."""
+"""All have to wait while the state is being kept: a longer wait is rarer by as much again."""
 
 TAIL_BYTES = 1 << 16
 """What stands before its place in a recording shows that it is of that recording."""
@@ -100,10 +100,14 @@ class Checkpoints:
     @property
     def is_due(self) -> bool:
         """Whether it is worth keeping the state now."""
-        is_long_ago = (time.monotonic() - self._kept_s) * SHARE >= self._last_took_s
-        is_short = self._last_took_s <= MOST_HALT_S
-        is_worth_it = self._worked_s >= WORTH_S and is_long_ago and is_short
+        is_long_ago = time.monotonic() - self._kept_s >= self._pause_s
+        is_worth_it = self._worked_s >= WORTH_S and is_long_ago
         return is_worth_it and not self._writing and self._recorder.has_room
+
+    @property
+    def _pause_s(self) -> float:
+        """How long it is not kept again."""
+        return self._last_took_s / SHARE * max(self._last_took_s / MOST_HALT_S, 1.0)
 
     def keep(self, state: State) -> None:
         """Keep ``state``, of all that the recorder has been given until now, once that is safe."""
@@ -113,8 +117,9 @@ class Checkpoints:
         self._last_took_s = time.thread_time() - began_s
         if self._last_took_s > MOST_HALT_S:
             _log.warning(
-                "the post's state is too big to be kept: after a kill all since is done again"
-            )
+                "the post's state is big, and kept rarely: after a kill all since is done again",
+                took_s=round(self._last_took_s, 1), again_in_s=round(self._pause_s),
+            )  # fmt: skip
         self._worked_s = 0.0
         self._kept_s = time.monotonic()
         self._writing = self._recorder.when_safe(lambda position: self._write(pickled, position))

@@ -19,6 +19,7 @@ from command_post.checkpoint import Checkpoints, checkpoint_path, load
 from command_post.commands.doors import Doors
 from command_post.commands.prepare import make_ready
 from command_post.fusion.settings import FusionSettings
+from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
 from command_post.metrics_server import metrics_address, told
@@ -69,6 +70,8 @@ def run(
     seed: int = 1,
     particles: int = 1000,
     hold_s: Annotated[float | None, Parameter(name="--hold")] = None,
+    horizon_min: Annotated[float, Parameter(name="--horizon", validator=Number(gt=0))] = 40.0,
+    lateness_min: Annotated[float, Parameter(name="--lateness", validator=Number(gt=0))] = 60.0,
     plan: Path | None = None,
     stations: Path | None = None,
     teams: Path | None = None,
@@ -108,6 +111,10 @@ def run(
         For each responder.
     hold_s
         Seconds that events wait for earlier ones before they are fused; 0.1 if not given.
+    horizon_min
+        Minutes that ways are solved from at least; before that they stay as they were held to be.
+    lateness_min
+        Minutes after which what comes late is recorded, and not put on the map any more.
     plan
         The building's walls, in GeoJSON: tracks are held to the way they run where people go so.
         One that cannot be used is named, also in the roster, and gone on without.
@@ -129,7 +136,16 @@ def run(
     """
     try:
         fusion, refused = with_usable_plan(
-            checked(FusionSettings(seed=seed, particles=particles)), plan
+            checked(
+                FusionSettings(
+                    team=checked(
+                        TeamSettings(horizon_s=60.0 * horizon_min, lateness_s=60.0 * lateness_min)
+                    ),
+                    seed=seed,
+                    particles=particles,
+                )
+            ),
+            plan,
         )
         if refused is not None:
             _log.error(refused)

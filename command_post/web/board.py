@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from command_post.alert_desk import MOST_ALERTS
 from command_post.confidence import CHI_SQUARE_95, axes95
 from command_post.coverage import Coverage, Site
 from command_post.floors import Floor, floors_of
@@ -134,6 +135,7 @@ class Board:
                 self._lengthen(view)
             case Alert():
                 self._alerts[message.number] = (self.version, message)
+                self._forget_alert()
             case OrderAnswer():
                 self._answers.append((self.version, message))
             case OriginSet():
@@ -145,6 +147,12 @@ class Board:
     def origin(self) -> Origin | None:
         """Where on the Earth the incident is, if anybody has said so."""
         return self._origin[1]
+
+    def _forget_alert(self) -> None:
+        """Forget the first that is resolved, where there are more than the post itself keeps."""
+        if len(self._alerts) > MOST_ALERTS:
+            resolved = (n for n, (_, each) in self._alerts.items() if each.stage == "resolved")
+            self._alerts.pop(next(resolved, -1), None)
 
     def show(self, roster: Roster) -> None:
         """Take in the newest roster."""

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from command_post.alert_desk import MOST_ALERTS
 from command_post.confidence import CHI_SQUARE_95
 from command_post.roster import ResponderRow, Roster
 from command_post.web.board import MOST_OUTSIDE, SILENCE_S, SILENT_SPEED_M_S, TRAIL_POINTS, Board
@@ -153,3 +154,16 @@ def test_what_others_put_on_their_map_is_on_ours_until_they_take_it_back() -> No
     for number in range(MOST_OUTSIDE + 5):
         say("marker", f"n{number}")
     assert len(shown()) == MOST_OUTSIDE
+
+
+def test_of_very_many_alerts_the_first_that_are_resolved_are_forgotten() -> None:
+    board = Board()
+    for number in range(MOST_ALERTS + 3):
+        alert = Alert(
+            event_time_ns=1, sequence=0, number=number, kind="fall", role="responder",
+            node_id="r1", since_ns=1, stage="resolved" if number else "raised",
+            words="has fallen", by=None, assigned_to=None,
+        )  # fmt: skip
+        board.publish("clew/v1/test/post/post/alert", encode(alert))
+    kept = [each.number for each in board.since(0).alerts]
+    assert kept == [0, *range(4, MOST_ALERTS + 3)]
