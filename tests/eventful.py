@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from command_post.recording_file import RecordingFile
+from command_post.review.past import Past
 from shared.codec import encode
+from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import RecordedMessage, read_recording
 from shared.messages import (
     Alarm,
@@ -43,6 +46,16 @@ def eventful(path: Path) -> Path:
     file.mark_end(exercise[-1].log_time_ns)
     file.finish()
     return path
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Past]:
+    """Give a recording as it is shown afterwards, all of it read."""
+    with IndexedRecording([path]) as recording:
+        past = Past(recording)
+        for _ in past.read():
+            pass
+        yield past
 
 
 def _events(incident: str, begin_ns: int) -> Iterator[RecordedMessage]:

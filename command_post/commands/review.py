@@ -6,10 +6,13 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Annotated
 
 import structlog
+from cyclopts import Parameter
 
 from command_post.listening import Address, listening_address
+from command_post.plan_images import load_plan
 from command_post.review.background import Background
 from command_post.review.past import Past
 from command_post.review.wishes import Sources
@@ -30,6 +33,7 @@ def review(
     page: str = "127.0.0.1:8080",
     origin: str | None = None,
     plan: Path | None = None,
+    plan_image: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
     settings: Path | None = None,
 ) -> int:
     """Show a recording in the commander's page, as it was at any moment, until SIGINT or SIGTERM.
@@ -47,7 +51,9 @@ def review(
         Where the incident's origin is, as of 'run', for exports as GeoJSON and KML; as it was last
         said in the recording, if not given.
     plan
-        The building's walls, in GeoJSON, to compare with.
+        The building's walls, in GeoJSON, to draw and to compare with.
+    plan_image
+        A storey's plan (PNG) to draw, as of 'run'; may be given several times.
     settings
         Settings of the fusion (TOML) to compare with.
 
@@ -55,6 +61,7 @@ def review(
     try:
         address = _address(page)
         place = None if origin is None else parse_origin(origin)
+        drawn = load_plan(plan, plan_image)
         sources = _checked(Sources(file, plan, settings))
         parts = [part.path for part in parts_of(file)]
         with stop_on_signals() as stop, IndexedRecording(parts) as recording:
@@ -66,7 +73,7 @@ def review(
                 Background(sources, past.begin_ns, past.end_ns) as background,
                 served(
                     lambda ends: make_review_app(
-                        Exhibit(past, background, place or past.origin()), ends
+                        Exhibit(past, background, place or past.origin(), drawn), ends
                     ),
                     address,
                     None,

@@ -170,7 +170,9 @@ class Past:
         downs_m = [view.floor_down_m for view in views.values()]
         downs_m += [dap.position.down_m for dap in roster.daps if dap.position is not None]
         roster_told = msgspec.Raw(roster_json(roster))
-        return views, Changes(at_ns, roster=roster_told, floors=floors_of(downs_m))
+        outside = list(standing.outside.values())
+        floors = floors_of(downs_m)
+        return views, Changes(at_ns, roster=roster_told, floors=floors, outside=outside)
 
     def _estimates(self, newest: Mapping[NodeId, Told]) -> dict[NodeId, TrackEstimate]:
         key = Key(self.settings.incident, "post", self.settings.post_id, "track")

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from command_post.fusion.dap_map import InstalledDap
 from command_post.orders import Orders
 from command_post.told import Told
+from command_post.web.board import with_outside
 from shared.messages import (
     Alarm,
     Alert,
@@ -24,13 +25,14 @@ from shared.messages import (
     OrderAnswer,
     OrderReply,
     OrderRequest,
+    OutsideWord,
 )
 from shared.topics import Key, Role
 
 RARE = frozenset(
     {
         "alert", "order", "order_answer", "order_request", "order_reply", "alarm", "mayday",
-        "installation", "dap_place",
+        "installation", "dap_place", "outside",
     }
 )  # fmt: skip
 """The topics that it is gone by."""
@@ -56,6 +58,7 @@ class Standing:
         self.told = Told()
         self.orders = Orders()
         self.daps: dict[NodeId, InstalledDap] = {}
+        self.outside: dict[str, OutsideWord] = {}
         self._known: set[NodeId] = set()
         self._installers: dict[tuple[NodeId, int], NodeId | None] = {}
 
@@ -76,6 +79,9 @@ class Standing:
                 self.orders.take(key.node_id, message)
             case Alarm() | Mayday():
                 self.told.take(key.role, key.node_id, message, at_ns)
+            case OutsideWord():
+                shown = with_outside(self.outside, message)
+                self.outside = self.outside if shown is None else shown
             case DapInstallation():
                 self._install(key.node_id, message)
             case DapEstimate(dap_id=dap_id, event_time_ns=since_ns):

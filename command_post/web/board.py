@@ -141,7 +141,9 @@ class Board:
             case OriginSet():
                 self._origin = (self.version, Origin.said(message))
             case OutsideWord():
-                self._hear_outside(message)
+                shown = with_outside(self._outside[1], message)
+                if shown is not None:
+                    self._outside = (self.version, shown)
 
     @property
     def origin(self) -> Origin | None:
@@ -188,15 +190,6 @@ class Board:
             trails={name: list(way) for name, way in self._trails.items()} if whole else None,
         )
 
-    def _hear_outside(self, word: OutsideWord) -> None:
-        """Have what others put on a map be on ours; what they take back no more."""
-        shown = {uid: one for uid, one in self._outside[1].items() if uid != word.uid}
-        if word.position is not None and word.kind in ("marker", "mayday"):
-            shown[word.uid] = word
-        elif word.kind != "cancel":
-            return
-        self._outside = (self.version, dict([*shown.items()][-MOST_OUTSIDE:]))
-
     def _grow(self, rows: Iterable[ResponderRow]) -> None:
         """Have those who are not heard be somewhere in a region that grows."""
         for row in rows:
@@ -233,6 +226,17 @@ def grown(view: TrackView, row: ResponderRow, since_s: float) -> TrackView:
     return msgspec.structs.replace(
         view, axes95_m=(longer_m, shorter_m), status="lost", reason=row.reason
     )
+
+
+def with_outside(shown: dict[str, OutsideWord], word: OutsideWord) -> dict[str, OutsideWord] | None:
+    """Return what others have put on the map (by their uids) after ``word``; ``None``: no change.
+
+    What they take back is there no more.
+    """
+    others = {uid: one for uid, one in shown.items() if uid != word.uid}
+    if word.position is not None and word.kind in ("marker", "mayday"):
+        return dict([*others.items(), (word.uid, word)][-MOST_OUTSIDE:])
+    return others if word.kind == "cancel" else None
 
 
 def _silent_m2(silent_s: float) -> float:

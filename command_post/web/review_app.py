@@ -24,6 +24,7 @@ from starlette.staticfiles import StaticFiles
 
 from command_post.exports.endings import FORMATS, NEEDS_ORIGIN
 from command_post.exports.material import Material, material_of
+from command_post.plan_images import Plan
 from command_post.review.background import Background
 from command_post.review.past import Past
 from command_post.review.timeline import timeline_of
@@ -45,11 +46,15 @@ ROSTER_EVERY = 3
 
 
 class Exhibit(NamedTuple):
-    """A recording to be shown: its past, what it is compared by, and where on the Earth it was."""
+    """A recording to be shown: its past, what it is compared by, and where on the Earth it was.
+
+    ``plan`` is what is drawn beneath the map.
+    """
 
     past: Past
     background: Background
     origin: Origin | None = None
+    plan: Plan = Plan()
 
 
 def make_review_app(exhibit: Exhibit, ends: Ends) -> Starlette:
@@ -72,6 +77,7 @@ class _Review:
         self._background = exhibit.background
         self._origin = exhibit.origin or exhibit.past.origin()
         self._ends = ends
+        self._plan = exhibit.plan
         self._token = secrets.token_urlsafe(32)
         self._material: Material | None = None
 
@@ -81,6 +87,8 @@ class _Review:
             Route("/timeline", self.timeline),
             Route("/moment", self.moment),
             Route("/moments", self.moments),
+            Route("/plan", self.plan),
+            Route("/plan/{number:int}", self.plan_image),
             Route("/comparison", self.comparison),
             Route("/comparison", self.compare, methods=["POST"]),
             Route("/comparison/result", self.compared),
@@ -122,6 +130,15 @@ class _Review:
             ]
 
         return json_answer(await asyncio.to_thread(told))
+
+    async def plan(self, _: Request) -> Response:
+        return json_answer(self._plan.view)
+
+    async def plan_image(self, request: Request) -> Response:
+        number, images = request.path_params["number"], self._plan.images
+        if number >= len(images):
+            raise RefusedError(HTTPStatus.NOT_FOUND, "there is no such image")
+        return Response(images[number], media_type="image/png")
 
     async def comparison(self, _: Request) -> Response:
         """Answer what there is to compare with, and how far the newest wish is."""

@@ -21,9 +21,11 @@ from typing import NamedTuple
 
 from msgspec import structs
 
+from command_post.incident_settings import IncidentSettings
 from command_post.recording_file import RecordingFile
 from command_post.recording_mirror import Mirror
 from shared.codec import decode, encode, parse_key
+from shared.exercise import REHEARSAL_INCIDENT
 from shared.geodesy import Origin
 from shared.mcap_reader import read_recording
 from shared.messages import Alert, Beat, Message
@@ -124,7 +126,8 @@ def _alerts(people: list[str]) -> Iterator[Said]:
 
 def record(path: Path, responders: int, minutes: float, mirror: Mirror | None) -> float:
     """Record it, synced every second as a post does; return how long the ending took, s."""
-    file = RecordingFile(path, {"incident": "rehearsal"}, mirror=mirror)
+    settings = IncidentSettings(incident=REHEARSAL_INCIDENT)
+    file = RecordingFile(path, settings.as_metadata(), mirror=mirror)
     synced_ns = 0
     for after_ns, key, message, outgoing in crowd_says(responders, minutes):
         if after_ns - synced_ns >= NS_PER_S:

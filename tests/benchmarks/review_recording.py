@@ -20,30 +20,12 @@ from typing import IO, Any
 
 import numpy as np
 
-from command_post.incident_settings import IncidentSettings
-from command_post.recording_file import RecordingFile
 from command_post.recording_mirror import Mirror
-from shared.codec import encode
-from shared.exercise import REHEARSAL_INCIDENT
-from shared.units import NS_PER_S
-from tests.benchmarks.long_recording import BEGIN_NS, ORIGIN, crowd_says
+from tests.benchmarks.long_recording import ORIGIN, record
 
 SEEKS = 60
 FRAMES = "step_s=6&count=20"
 """Two seconds of playing at 60×."""
-
-
-def record(path: Path, responders: int, minutes: float) -> None:
-    """Record what so many say, synced every second as a post does."""
-    settings = IncidentSettings(incident=REHEARSAL_INCIDENT)
-    file = RecordingFile(path, settings.as_metadata(), mirror=Mirror(ORIGIN))
-    synced_ns = 0
-    for after_ns, key, message, outgoing in crowd_says(responders, minutes):
-        if after_ns - synced_ns >= NS_PER_S:
-            file.sync()
-            synced_ns = after_ns
-        file.put(str(key), encode(message), BEGIN_NS + after_ns, outgoing=outgoing)
-    file.finish()
 
 
 def measured(path: Path) -> dict[str, Any]:
@@ -109,7 +91,7 @@ def main(words: list[str]) -> int:
     with tempfile.TemporaryDirectory(prefix="clew-review-") as folder:
         path = given.recording or Path(folder) / "long.mcap"
         if given.recording is None:
-            record(path, given.responders, given.minutes)
+            record(path, given.responders, given.minutes, Mirror(ORIGIN))
         told = {"MB": round(path.stat().st_size / 1e6, 1), **measured(path)}
     print(json.dumps(told, indent=1, ensure_ascii=False))  # noqa: T201
     return 0

@@ -26,6 +26,7 @@ from tests.eventful import (
     SILENT_FROM_S,
     SILENT_TO_S,
     eventful,
+    opened,
 )
 
 
@@ -36,10 +37,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def past(path: Path) -> Iterator[Past]:
-    with IndexedRecording([path]) as recording:
-        past = Past(recording)
-        for _ in past.read():
-            pass
+    with opened(path) as past:
         yield past
 
 
@@ -123,10 +121,7 @@ def test_a_recording_that_was_broken_off_is_shown_as_far_as_it_is_there(
     part = tmp_path / "broken.mcap.part"
     content = path.read_bytes()
     part.write_bytes(content[: round(0.8 * len(content))])
-    with IndexedRecording([part]) as recording:
-        broken = Past(recording)
-        for _ in broken.read():
-            pass
+    with opened(part) as broken:
         line = timeline_of(broken)
         assert ALARM_S < line.length_s < 220.0
         assert line.faults[0].startswith("unfinished")

@@ -9,20 +9,15 @@ import pytest
 from starlette.testclient import TestClient
 
 from command_post.review.background import Background
-from command_post.review.past import Past
 from command_post.review.wishes import Sources
 from command_post.web.review_app import Exhibit, make_review_app
-from shared.mcap_index import IndexedRecording
-from tests.eventful import ALARM_S, eventful
+from tests.eventful import ALARM_S, eventful, opened
 
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     path: Path = eventful(tmp_path_factory.mktemp("api") / "eventful.mcap")
-    with IndexedRecording([path]) as recording:
-        past = Past(recording)
-        for _ in past.read():
-            pass
+    with opened(path) as past:
         exhibit = Exhibit(past, Background(Sources(path), past.begin_ns, past.end_ns))
         app = make_review_app(exhibit, lambda: True)
         with TestClient(app, base_url="http://127.0.0.1") as client:
@@ -37,6 +32,11 @@ def test_a_moment_and_what_follows_it_are_told(client: TestClient) -> None:
     steps = client.get("/api/v1/moments", params=params).json()
     assert ["alerts" in each for each in steps] == [False, True, False, False, False, False]
     assert ["roster" in each for each in steps] == [False, False, True, False, False, True]
+
+
+def test_without_a_plan_nothing_is_drawn(client: TestClient) -> None:
+    assert client.get("/api/v1/plan").json() == {"walls_m": [], "images": []}
+    assert client.get("/api/v1/plan/0").status_code == 404
 
 
 def test_beyond_its_ends_a_recording_stands_still(client: TestClient) -> None:

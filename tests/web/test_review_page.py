@@ -11,13 +11,12 @@ from playwright.sync_api import Page, expect
 
 from command_post.listening import Address
 from command_post.review.background import Background
-from command_post.review.past import Past
 from command_post.review.wishes import Sources
 from command_post.web.review_app import Exhibit, make_review_app
 from command_post.web.serving import served
 from shared.geodesy import Origin
-from shared.mcap_index import IndexedRecording
-from tests.eventful import eventful
+from tests.eventful import eventful, opened
+from tests.faults.fleet import build_machine_code
 from tests.waiting import DEADLINE_S
 from tests.web.browser import CHROMIUM, Watched, chromium
 
@@ -25,25 +24,23 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this ma
 
 SIZES = [(390, 844), (1920, 1080), (1024, 768)]
 ORIGIN = Origin(latitude_deg=37.5665, longitude_deg=126.978)
-PATIENCE_MS = 1e3 * DEADLINE_S
+PATIENCE_MS = 1e3 * 3 * DEADLINE_S
 
 
 @pytest.fixture(scope="module")
 def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    build_machine_code()
     path: Path = eventful(tmp_path_factory.mktemp("review") / "eventful.mcap")
-    with IndexedRecording([path]) as recording:
-        past = Past(recording)
-        for _ in past.read():
-            pass
-        with (
-            Background(Sources(path), past.begin_ns, past.end_ns) as background,
-            served(
-                lambda ends: make_review_app(Exhibit(past, background, ORIGIN), ends),
-                Address("127.0.0.1", 0),
-                None,
-            ) as url,
-        ):
-            yield url
+    with (
+        opened(path) as past,
+        Background(Sources(path), past.begin_ns, past.end_ns) as background,
+        served(
+            lambda ends: make_review_app(Exhibit(past, background, ORIGIN), ends),
+            Address("127.0.0.1", 0),
+            None,
+        ) as url,
+    ):
+        yield url
 
 
 @pytest.fixture

@@ -178,8 +178,8 @@ async function begin() {
   $("sign-out").hidden = me.name === "local";
   $("sign-out").textContent = `${word("sign_out")} (${me.name})`;
   for (const button of document.querySelectorAll("[data-role]")) button.disabled = !may(button.dataset.role);
-  if (me.review) { beginReview(); return; }
-  post.follow(take, linked);
+  if (me.review) beginReview();
+  else post.follow(take, linked);
   view.showPlan(await post.plan());
 }
 
