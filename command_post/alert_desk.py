@@ -218,7 +218,7 @@ class AlertDesk:
         changed = []
         if beat.leaves:
             going = self._going.get(node)
-            words = "switched off by hand" if going is None else f"went off: {going}"
+            words = "switched off" if going is None else f"went off: {going}"
             return self._lose(node, now_ns, words)
         if node not in self._heard_ns:
             self._await(node, now_ns + self._silent_ns)

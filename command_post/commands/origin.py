@@ -7,7 +7,8 @@ from typing import Literal
 
 import structlog
 
-from command_post.commands.orders import ANSWER_S, POLL_S, Dialled, Sayer, SayerId, say
+from command_post.commands import orders
+from command_post.commands.orders import POLL_S, Dialled, Sayer, SayerId, say
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.codec import Refusal, decode, parse_key
@@ -76,7 +77,7 @@ def _await_statement(bus: Bus, asked: Message, sender: Sender, gate: Gate) -> in
     statements: Inbox[Received] = Inbox(MOST_ANSWERS)
     bus.subscribe(sender.key(OriginSet, "*"), statements.put)
     sender.send(asked)
-    give_up_s = time.monotonic() + ANSWER_S
+    give_up_s = time.monotonic() + orders.ANSWER_S
     while time.monotonic() < give_up_s:
         for received in statements.get_all(POLL_S):
             key = parse_key(received.key)

@@ -13,9 +13,12 @@ from structlog.testing import capture_logs
 
 from command_post.__main__ import app
 from command_post.commands import orders
+from command_post.review.past import Past
 from shared.codec import Refusal, decode, parse_key
+from shared.geodesy import Origin
+from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import read_recording
-from shared.messages import HeightFix, Message, OrderReply, PositionFix
+from shared.messages import HeightFix, Message, OrderReply, OriginSet, PositionFix
 from shared.process import ExitCode
 from tests.bus.test_zenoh import free_endpoint
 from tests.waiting import DEADLINE_S, wait_for
@@ -43,6 +46,7 @@ def test_a_click_and_a_floor_are_recorded_by_the_running_post(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(orders, "FIND_POST_S", DEADLINE_S)
+    monkeypatch.setattr(orders, "ANSWER_S", DEADLINE_S)
     endpoint, recording = free_endpoint(), tmp_path / "incident.mcap"
     command = [sys.executable, "-m", "command_post", "run", *FOR_TEST, "--listen", endpoint,
                "--record", str(recording)]  # fmt: skip
@@ -53,6 +57,7 @@ def test_a_click_and_a_floor_are_recorded_by_the_running_post(
             assert order("click", *to_post, "--responder", "r1", *place) == ExitCode.OK
             assert order("floor", *to_post, "--dap", "dap2", "--height", "3.2") == ExitCode.OK
             assert order("floor", *to_post, "--responder", "r1", "--height", "0") == ExitCode.OK
+            assert order("origin", "set", "37.5,127,38,12.5", *to_post) == ExitCode.OK
             with capture_logs() as logs:
                 assert (
                     order("click", *to_post, "--responder", "r1", *place, "--id", "post")
@@ -63,7 +68,10 @@ def test_a_click_and_a_floor_are_recorded_by_the_running_post(
             assert post.wait(DEADLINE_S) == ExitCode.OK
         finally:
             post.kill()
-    (click_key, click), (_, dap), (_, floor) = said_by_the_commander(recording)
+    (click_key, click), (_, dap), (_, floor), (_, origin) = said_by_the_commander(recording)
+    assert isinstance(origin, OriginSet)
+    with IndexedRecording([recording]) as indexed:
+        assert Past(indexed).origin() == Origin.said(origin)
     assert click_key == "clew/v1/test/post/commander/fix"
     assert isinstance(click, PositionFix)
     assert (click.responder_id, click.source) == ("r1", "commander")

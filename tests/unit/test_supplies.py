@@ -89,7 +89,7 @@ def test_who_is_switched_off_says_so_and_is_missed_at_once_and_once() -> None:
     assert desk.pass_time(60 * NS_PER_S) == []
     desk.hear(R1, beat(), 0)
     (left,) = desk.hear(R1, beat(leaves=True), NS_PER_S)
-    assert (left.kind, left.words) == ("lost_contact", "switched off by hand")
+    assert (left.kind, left.words) == ("lost_contact", "switched off")
     assert desk.hear(R1, beat(), 2 * NS_PER_S)[0].stage == "resolved"
     (silent,) = desk.pass_time(100 * NS_PER_S)
     assert silent.since_ns == 2 * NS_PER_S + SILENT_NS
