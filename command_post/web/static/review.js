@@ -39,7 +39,7 @@ export class Review {
     document.addEventListener("keydown", (event) => this.#key(event));
     await this.#follow();
     $("scrub").max = Math.ceil(this.#line.length_s);
-    await this.seek(Math.min(this.#line.length_s, 0));
+    await this.seek(0);
   }
 
   /** Play on, or hold. */
@@ -62,9 +62,12 @@ export class Review {
     if (!idle) return;
     while (this.#seeking !== null) {
       const wished = this.#seeking;
-      const moment = await post.moment(wished);
+      try {
+        this.#shown.moment(await post.moment(wished));
+      } catch (error) {
+        this.#fail(error);
+      }
       if (this.#seeking === wished) this.#seeking = null;
-      this.#shown.moment(moment);
     }
   }
 
@@ -109,9 +112,18 @@ export class Review {
       told.forEach((changes, index) => this.#frames.push({ at_s: from + (index + 1) * step, changes }));
       this.#fetched = Math.min(from + FRAMES * step, this.#line.length_s);
       this.#frames.at(-1).at_s = Math.min(this.#frames.at(-1).at_s, this.#line.length_s);
+    } catch (error) {
+      this.#fail(error);
     } finally {
       this.#fetching = false;
     }
+  }
+
+  /** Hold, and say why no more can be shown. */
+  #fail(error) {
+    this.#playing = false;
+    $("faults").textContent = `${word("refused")} ${error.message}`;
+    this.#tell();
   }
 
   #toMark(way) {
