@@ -152,6 +152,12 @@ class Incident:
         return MappingProxyType(self._dap_places)
 
     @property
+    def standing(self) -> list[Outgoing]:
+        """What was said last of where the incident is, and of where each DAP stands."""
+        placed = [] if self.origin is None else [self.origin]
+        return [*placed, *self._dap_places.values()]
+
+    @property
     def heard_ns(self) -> Mapping[tuple[Role, str], int]:
         """When each responder and DAP was last heard, on the post's clock."""
         return MappingProxyType(self._heard_ns)

@@ -186,8 +186,7 @@ class Post:
         for time_ns, key, payload in resumed.unrecorded:
             self._recorder.put(key, payload, time_ns, outgoing=True)
         # Who waited for it may have missed it.
-        placed = [] if self._incident.origin is None else [self._incident.origin]
-        self._to_say_again = [*placed, *self._incident.dap_places.values(), *resumed.unrecorded]
+        self._to_say_again = [*self._incident.standing, *resumed.unrecorded]
         took_s = round(time.monotonic() - began_s, 1)
         _log.warning("taken up again", handled=resumed.handled, took_s=took_s)
         for damage in recording.report.damages:

@@ -7,13 +7,16 @@ takes what has waited.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import msgspec
 
+from command_post.announcer import Outgoing
 from command_post.gateways.foxglove import Drawing, FoxgloveBoard
 from command_post.gateways.foxglove_schemas import drawable_schema, schema_name
+from shared.codec import Refusal, decode, parse_key
 from shared.geodesy import Origin
 from shared.messages import Message, OutsideWord
 from shared.units import NS_PER_S
@@ -51,6 +54,14 @@ class Mirror:
             self._add(self._board.standing(time_ns))
             self._again = False
         self._add(self._board.take(message, time_ns))
+
+    def recall(self, said: Iterable[Outgoing]) -> None:
+        """Take in what stands of what the post said before a kill: it has been drawn."""
+        for each in said:
+            key = parse_key(each.key)
+            message = key if isinstance(key, Refusal) else decode(key, each.payload)
+            if not isinstance(message, Refusal):
+                deque(self._board.take(message, message.event_time_ns), maxlen=0)
 
     def draw_again(self) -> None:
         """Draw everything once more that stands, with what comes next: a new part begins."""

@@ -172,11 +172,11 @@ def run(
         ):
             if with_parent:
                 stop_with_parent(stop)
-            metadata = settings.as_metadata()
+            metadata, mirror = settings.as_metadata(), Mirror(doors.place)
             with (
                 file_held_alone(record),
                 Recorder(
-                    record, metadata, resume=True, mirror=Mirror(doors.place), rotation=rotation
+                    record, metadata, resume=True, mirror=mirror, rotation=rotation
                 ) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
@@ -201,6 +201,7 @@ def run(
                     # It can be broken off: the recording stays as it is, to be gone on with.
                     with ended_by_signals():
                         post.take_up(read_recording(part), kept)
+                    mirror.recall(begun.standing)
                 return _serve(post, recorder, stop, (state, noted))
     except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import argparse
 import heapq
+import io
 import itertools
 import json
+import os
 import sys
 import tempfile
 import time
@@ -19,11 +21,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from mcap.reader import make_reader
 from msgspec import structs
 
 from command_post.incident_settings import IncidentSettings
-from command_post.recording_file import RecordingFile
 from command_post.recording_mirror import Mirror
+from command_post.recording_set import RecordingSet, Rotation
 from shared.codec import decode, encode, parse_key
 from shared.exercise import REHEARSAL_INCIDENT
 from shared.geodesy import Origin
@@ -31,11 +34,13 @@ from shared.mcap_reader import read_recording
 from shared.messages import Alert, Beat, Message
 from shared.topics import Key
 from shared.units import NS_PER_S
+from tests.benchmarks.test_dap_footprint import resident_mb
 from tests.conftest import CHECKOUT
 
 PATTERN = CHECKOUT / "recordings" / "four_daps.mcap"
 ALERT_EVERY_S = 60
 BEGIN_NS = 1_800_000_000 * NS_PER_S
+ALERTS = Key("rehearsal", "post", "post", "alert")
 ORIGIN = Origin(latitude_deg=37.5665, longitude_deg=126.978, height_m=38.0, bearing_deg=12.5)
 
 
@@ -113,7 +118,6 @@ def _beats(people: list[str]) -> Iterator[Said]:
 
 
 def _alerts(people: list[str]) -> Iterator[Said]:
-    key = Key("rehearsal", "post", "post", "alert")
     for number in itertools.count(1):
         at_ns = number * ALERT_EVERY_S * NS_PER_S
         alert = Alert(
@@ -121,22 +125,69 @@ def _alerts(people: list[str]) -> Iterator[Said]:
             role="responder", node_id=people[number % len(people)], since_ns=BEGIN_NS + at_ns,
             stage="raised", words="not heard for 10 s", by=None, assigned_to=None,
         )  # fmt: skip
-        yield Said(at_ns, key, alert, outgoing=True)
+        yield Said(at_ns, ALERTS, alert, outgoing=True)
 
 
-def record(path: Path, responders: int, minutes: float, mirror: Mirror | None) -> float:
-    """Record it, synced every second as a post does; return how long the ending took, s."""
+class Took(NamedTuple):
+    """How long the ending took, and by how much the process has grown since the first minute."""
+
+    ending_s: float
+    grown_mb: float
+
+
+def record(
+    path: Path, responders: int, minutes: float, mirror: Mirror | None,
+    part_minutes: float | None = None,
+) -> Took:  # fmt: skip
+    """Record it, synced every second as a post does, in one file or in parts."""
+    part_ns = None if part_minutes is None else round(part_minutes * 60 * NS_PER_S)
+    rotation = None if part_ns is None else Rotation(1 << 40, part_ns)
     settings = IncidentSettings(incident=REHEARSAL_INCIDENT)
-    file = RecordingFile(path, settings.as_metadata(), mirror=mirror)
+    file = RecordingSet(path, settings.as_metadata(), mirror=mirror, rotation=rotation)
     synced_ns = 0
+    before_mb = None
     for after_ns, key, message, outgoing in crowd_says(responders, minutes):
         if after_ns - synced_ns >= NS_PER_S:
             file.sync()
+            file.rotate_if_due()
             synced_ns = after_ns
+            if before_mb is None and after_ns >= 60 * NS_PER_S:
+                before_mb = resident_mb(os.getpid())
         file.put(str(key), encode(message), BEGIN_NS + after_ns, outgoing=outgoing)
+    grown_mb = 0.0 if before_mb is None else resident_mb(os.getpid()) - before_mb
     began_s = time.monotonic()
     file.finish()
-    return time.monotonic() - began_s
+    return Took(time.monotonic() - began_s, grown_mb)
+
+
+class CountedFile(io.BufferedReader):
+    """A file that counts the bytes that are read of it."""
+
+    counted = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read, and count."""
+        data = super().read(size)
+        self.counted += len(data)
+        return data
+
+
+class Rare(NamedTuple):
+    """What it took to read all alerts: how many, of how many bytes, and the index's share."""
+
+    alerts: int
+    read_bytes: int
+    index_bytes: int
+
+
+def read_alerts(path: Path) -> Rare:
+    """Read the alerts of a recording by its index, with the MCAP library's own reader."""
+    with CountedFile(io.FileIO(path)) as stream:
+        reader = make_reader(stream)
+        reader.get_summary()
+        index_bytes = stream.counted
+        alerts = sum(1 for _ in reader.iter_messages(topics=[str(ALERTS)]))
+        return Rare(alerts, stream.counted, index_bytes)
 
 
 def main(words: list[str]) -> int:
@@ -144,11 +195,14 @@ def main(words: list[str]) -> int:
     options = argparse.ArgumentParser(prog="python -m tests.benchmarks.long_recording")
     options.add_argument("--responders", type=int, default=50)
     options.add_argument("--minutes", type=float, default=60.0)
+    options.add_argument("--part-minutes", type=float, default=10.0)
     given = options.parse_args(words)
     hours = given.responders * given.minutes / 60.0
     with tempfile.TemporaryDirectory(prefix="clew-long-") as folder:
         plain, drawn = Path(folder) / "plain.mcap", Path(folder) / "drawn.mcap"
-        took_s = record(plain, given.responders, given.minutes, None)
+        parts = Path(folder) / "parts.mcap"
+        took_parts = record(parts, given.responders, given.minutes, None, given.part_minutes)
+        took = record(plain, given.responders, given.minutes, None)
         record(drawn, given.responders, given.minutes, Mirror(ORIGIN))
         sizes = [path.stat().st_size for path in (plain, drawn)]
         report = read_recording(drawn)
@@ -160,7 +214,10 @@ def main(words: list[str]) -> int:
             "MB with what is drawn": round(sizes[1] / 1e6, 1),
             "MB drawn for an hour of a responder": round((sizes[1] - sizes[0]) / 1e6 / hours, 3),
             "MB else for an hour of a responder": round(sizes[0] / 1e6 / hours, 3),
-            "ending, s": round(took_s, 2),
+            "ending, s": round(took.ending_s, 2),
+            "MB that the process grew by": round(took.grown_mb, 1),
+            "MB that it grew by with parts": round(took_parts.grown_mb, 1),
+            "to read its alerts": read_alerts(drawn)._asdict(),
         }
     print(json.dumps(told, indent=1))  # noqa: T201
     return 0

@@ -22,6 +22,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from shared.recording_parts import files_of
 from tests.bus.test_zenoh import free_endpoint
 
 SAMPLES = 240
@@ -144,7 +145,7 @@ def soak(folder: Path, hours: float, speed: float) -> bool:
     risen = {name: rise(each) for name, each in since_full.items() if len(each) > 2}
     is_flat = not any(each["descriptors"] or each["threads"] for each in growth.values())
     is_flat &= all(each.mb_an_hour < MOST_GROWTH * each.mean_mb for each in risen.values())
-    recorded_mb = sum(each.stat().st_size for each in folder.glob("soak.mcap*")) / 1e6
+    recorded_mb = sum(each.stat().st_size for each in files_of(folder / "soak.mcap").values()) / 1e6
     risen_mb = {name: each._asdict() for name, each in risen.items()}
     said = {"grown": growth, "since_full": risen_mb, "flat": is_flat, "recorded_mb": recorded_mb}
     _tell({**said, "ended_early": ended, "exit_codes": codes})

@@ -14,6 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from msgspec import structs
 
+from command_post.announcer import Outgoing
 from command_post.gateways.foxglove import FRAME, MAP_PERIOD_NS, FoxgloveBoard
 from command_post.gateways.foxglove_schemas import (
     Drawable,
@@ -30,6 +31,7 @@ from command_post.recording_file import RecordingFile
 from command_post.recording_mirror import Mirror
 from command_post.replay import replay
 from command_post.salvage import salvage
+from shared.codec import encode
 from shared.geodesy import Origin
 from shared.mcap_reader import read_recording
 from shared.messages import (
@@ -38,6 +40,7 @@ from shared.messages import (
     LocalPosition,
     Message,
     Order,
+    OriginSet,
     OutsideWord,
     TrackEstimate,
 )
@@ -243,3 +246,25 @@ def test_a_killed_recording_with_drawings_is_gone_on_with(tmp_path: Path) -> Non
     assert len(list(recording)) == len(before) + 5
     assert recording.report.complete
     assert recording.report.derived_count > 0
+
+
+def test_a_post_that_was_killed_draws_on_where_it_was(tmp_path: Path) -> None:
+    said = OriginSet(
+        event_time_ns=NOW_NS, sequence=0, latitude_deg=37.5, longitude_deg=127.0, height_m=0.0,
+        bearing_deg=0.0,
+    )  # fmt: skip
+    mirror = Mirror(None)
+    mirror.recall(
+        [
+            Outgoing("clew/v1/fire/post/post/origin", encode(said)),
+            Outgoing("clew/v1/fire/post/post/dap_place", encode(SAID[2])),
+        ]
+    )
+    mirror.take(track(), NOW_NS, outgoing=True)
+    topics = {each.topic: each.data for each in mirror.take_all()}
+    assert "/responders/r1/location" in topics
+    assert b"access_point" in topics["/map"]
+    assert "/daps/d1" not in topics
+    mirror.draw_again()
+    mirror.take(track(2.0), NOW_NS + 2 * NS_PER_S, outgoing=True)
+    assert "/daps/d1" in {each.topic for each in mirror.take_all()}
