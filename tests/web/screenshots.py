@@ -16,13 +16,16 @@ from typing import NamedTuple
 from PIL import Image
 from playwright.sync_api import Browser, expect
 
+from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
 from command_post.rehearsal import Agents, rehearse
+from shared.exercise import REHEARSAL_INCIDENT
 from tests.web.browser import chromium
 from tests.web.staged import Staged, staged
 
 SCENARIO, SEED = "offices", 1
-AT_S = 240.0
+SETTINGS = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=FusionSettings(seed=SEED))
+AT_S = 200.0
 MOST_BYTES = 150_000
 COLOURS = 96
 
@@ -76,14 +79,8 @@ def main() -> None:
         recording = given.recording
         if recording is None:
             recording = Path(temporary) / "exercise.mcap"
-            rehearse(
-                SCENARIO,
-                SEED,
-                IncidentSettings(),
-                recording,
-                Agents(None, raw=False),
-                replace=False,
-            )
+            agents = Agents(None, raw=False)
+            rehearse(SCENARIO, SEED, SETTINGS, recording, agents, replace=False)
         with staged(recording, given.at) as shown, chromium() as browser:
             for look in LOOKS:
                 take(browser, shown, look, given.folder)

@@ -19,6 +19,9 @@ from shared.messages import Mayday
 from shared.topics import Key
 from shared.units import NS_PER_S
 
+LOST_S = 120.0
+"""Rehearsed access points say nothing while nobody comes by: they do not beat."""
+
 
 class Staged:
     """A page, and the incident behind it."""
@@ -37,7 +40,7 @@ class Staged:
 
     def show(self, now_ns: int) -> None:
         """Have it be known who is where then."""
-        self.page.show(make_roster(self.incident, now_ns, RosterSettings()))
+        self.page.show(make_roster(self.incident, now_ns, RosterSettings(lost_s=LOST_S)))
 
     def heed(self) -> bool:
         """Do what people have asked for, if they have."""
