@@ -102,6 +102,19 @@ def air_words(told: Supplies) -> str:
     return ", ".join(parts)
 
 
+def short_of(told: Supplies | None) -> tuple[str, ...]:
+    """Return in words what somebody has little of."""
+    if told is None:
+        return ()
+    found = []
+    if told.battery is not None and told.battery <= BATTERY.low and not told.charging:
+        found.append(f"battery at {told.battery:.0%}")
+    air = ((told.air_bar, AIR_BAR.low), (told.air_left_s, AIR_LEFT_S.low))
+    if any(value is not None and value <= low for value, low in air):
+        found.append(air_words(told))
+    return tuple(found)
+
+
 def why_silent(role: Role, told: Supplies | None) -> str | None:
     """Return what a node probably fell silent of, by what it told last; ``None`` if unknown."""
     battery, hot_c = (None, None) if told is None else (told.battery, told.temperature_c)

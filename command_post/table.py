@@ -8,6 +8,7 @@ from rich.text import Text
 
 from command_post.freshness import Freshness
 from command_post.roster import DapRow, OrderedRow, ResponderRow, Roster
+from command_post.supplies import short_of
 from shared.messages import AlarmPhase
 
 _STYLES = {
@@ -71,6 +72,7 @@ def _responder_status(row: ResponderRow) -> list[Text]:
     parts.append(_status(row))
     if row.activity is not None:
         parts.append(Text(row.activity))
+    parts += [Text(words, "bold yellow") for words in short_of(row.supplies)]
     return [*parts, *_fault(row)]
 
 

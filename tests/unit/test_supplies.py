@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from command_post.alert_desk import SILENT_NS, AlertDesk, Node
-from command_post.supplies import SupplyWatch, why_silent
+from command_post.supplies import SupplyWatch, short_of, why_silent
 from edge_agent.supply_gauge import SupplyGauge, read_battery
 from shared.messages import Alert, Beat, DapInstallation, DapState, LocalPosition, Supplies
 from shared.units import NS_PER_S
@@ -43,6 +43,12 @@ def test_little_is_told_once_worse_once_more_and_no_more_from_a_higher_limit() -
     assert told(0.25) == [None]
     assert told(0.2) == ["battery at 20%"]
     assert told(0.2, charging=True) == [None]
+
+
+def test_the_table_tells_only_of_what_is_little() -> None:
+    assert short_of(None) == short_of(Supplies(battery=0.9, air_bar=200.0)) == ()
+    assert short_of(Supplies(battery=0.1, charging=True)) == ()
+    assert short_of(Supplies(battery=0.1, air_left_s=120.0)) == ("battery at 10%", "air for 2 min")
 
 
 def test_air_is_little_by_its_pressure_or_by_its_time() -> None:

@@ -63,11 +63,12 @@ function take(changes) {
   ask({ tracks: Boolean(changes.tracks?.length || changes.trails), panels });
 }
 
-/** Sound each new alert once, and have it read out; not those that stood before we came. */
+/** Sound each new alert once, and again if it gets worse; have it read out; not what stood before we came. */
 function soundNew(alerts, before) {
   for (const alert of alerts) {
-    const isNew = alert.stage === "raised" && !seen.has(alert.number);
-    seen.add(alert.number);
+    const raised = `${alert.number} ${alert.words}`;
+    const isNew = alert.stage === "raised" && !seen.has(raised);
+    seen.add(raised);
     if (!isNew || before) continue;
     $("new-alert").textContent = `${word(alert.kind)}: ${alert.node_id}. ${told(alert.words)}`;
     beep();
