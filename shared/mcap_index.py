@@ -163,14 +163,16 @@ class IndexedRecording:
         """Yield from when to when nothing was put into it for so long at least."""
         before_ns = self.start_ns
         for number, chunk in enumerate(self._chunks):
-            times_ns = [chunk.start_ns, chunk.end_ns]
+            times_ns = np.array([chunk.start_ns, chunk.end_ns], np.uint64)
             if chunk.end_ns - chunk.start_ns >= least_ns:
-                entries = (self._entries(number, int(each)) for each in chunk.offsets["offset"])
-                times_ns += sorted(time for found in entries for time in found["time_ns"].tolist())
-            for time_ns in sorted(times_ns):
-                if time_ns - before_ns >= least_ns:
-                    yield before_ns, time_ns
-                before_ns = max(before_ns, time_ns)
+                places = chunk.offsets["offset"].tolist()
+                entries = [self._entries(number, each)["time_ns"] for each in places]
+                times_ns = np.sort(np.concatenate([times_ns, *entries]))
+            reached_ns = np.maximum(times_ns.astype(np.int64), before_ns)
+            since_ns = np.diff(reached_ns, prepend=before_ns)
+            for row in np.flatnonzero(since_ns >= least_ns).tolist():
+                yield int(reached_ns[row] - since_ns[row]), int(reached_ns[row])
+            before_ns = int(reached_ns[-1])
 
     def located(self, wanted: Iterable[Series]) -> Iterator[tuple[RecordedMessage, Spot]]:
         """Yield all messages of some series in their order, and where each is."""

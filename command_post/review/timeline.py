@@ -61,14 +61,17 @@ class Timeline(msgspec.Struct, frozen=True, kw_only=True):
     faults: list[str]
 
 
-def timeline_of(past: Past) -> Timeline:
-    """Return what is known of a recording's course."""
+def timeline_of(past: Past, known: Timeline | None = None) -> Timeline:
+    """Return what is known of a recording's course; of what was ``known``, what may be new."""
     begin_ns = past.begin_ns
+    read_s = (past.read_until_ns - begin_ns) / NS_PER_S
+    if known is not None:
+        return msgspec.structs.replace(known, read_s=read_s, faults=list(_faults(past)))
     return Timeline(
         name=past.recording.paths[0].name,
         begin_ns=begin_ns,
         length_s=(past.end_ns - begin_ns) / NS_PER_S,
-        read_s=(past.read_until_ns - begin_ns) / NS_PER_S,
+        read_s=read_s,
         marks=marks_of(past.course.happened, begin_ns),
         gaps=gaps_of(past),
         faults=list(_faults(past)),

@@ -27,7 +27,7 @@ from command_post.exports.material import Material, material_of
 from command_post.plan_images import Plan
 from command_post.review.background import Background
 from command_post.review.past import Past
-from command_post.review.timeline import timeline_of
+from command_post.review.timeline import Timeline, timeline_of
 from command_post.review.wishes import Wish
 from command_post.web.answers import RefusedError, body_of, json_answer, tell_refusal
 from command_post.web.board import Changes
@@ -79,6 +79,7 @@ class _Review:
         self._ends = ends
         self._plan = exhibit.plan
         self._token = secrets.token_urlsafe(32)
+        self._line: Timeline | None = None
         self._material: Material | None = None
 
     def routes(self) -> list[Route]:
@@ -105,7 +106,8 @@ class _Review:
         )  # fmt: skip
 
     async def timeline(self, _: Request) -> Response:
-        return json_answer(await asyncio.to_thread(timeline_of, self._past))
+        self._line = await asyncio.to_thread(timeline_of, self._past, self._line)
+        return json_answer(self._line)
 
     async def moment(self, request: Request) -> Response:
         """Answer all that was shown at ``at_s``, in seconds since the beginning."""
