@@ -10,11 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from command_post.fusion.interface import Doubt
+from command_post.fusion.team.estimates import estimate_of, first_pose
+from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.team_tracker import TeamTracker
 from shared.messages import OdometryIncrement, RssiPeak
+from shared.units import NS_PER_S
 from tests.patrol_world import Faults, patrol
-from tests.stride_world import START_NS
+from tests.stride_world import START_NS, at_ns, stride, track_start
 from tests.unit.test_team_tracker import give
 
 COMMIT_S = 10.0
@@ -123,6 +126,25 @@ def test_a_daps_clock_is_put_right() -> None:
     assert isinstance(doubt, Doubt)
     assert doubt.words == "clock 2.0 s ahead"
     assert 0.9 < doubt.certainty < 1.0
+
+
+def test_whose_clock_is_ahead_is_dated_by_the_others() -> None:
+    found = fused(1, Faults(since_s=60.0, ahead_s=("r2", 2.0)))
+    after = found.tracker.afterwards()
+    for name, ahead_s in {"r1": 0.0, "r2": 2.0, "r3": 0.0}.items():
+        told_s = START_NS / 1e9 + float(found.off_m[name][-1, 0])
+        assert after.tracks[name].time_s[-1] == pytest.approx(told_s - ahead_s, abs=1e-5)
+
+
+def test_an_estimate_is_dated_on_the_clock_of_the_post() -> None:
+    log = TeamLog()
+    log.add_start("r2", track_start(0.0))
+    log.add_move("r2", stride(10.0, 1.2, 0.0, sequence=1))
+    own, settings = log.responders["r2"], TeamSettings()
+    pose = first_pose(own, settings)._replace(ahead_ns=2 * NS_PER_S)
+    for now_s, told_s in ((0.0, 8.0), (9.0, 9.0)):
+        told = estimate_of(pose, own, at_ns(now_s), np.empty(0), settings)
+        assert told.time_ns == at_ns(told_s)
 
 
 def test_who_is_doubted_says_so_in_the_estimate() -> None:

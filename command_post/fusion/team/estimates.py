@@ -36,7 +36,8 @@ class Pose(NamedTuple):
 
     ``covariance`` as ``smooth`` gives a node's; ``down`` is height and variance (m, m²). The chain
     goes on in ``unit`` since ``unit_ns``, how that is turned being told by all that it passed if
-    ``is_told``; ``tied_ns`` is when something last tied them down.
+    ``is_told``; ``tied_ns`` is when something last tied them down. All times are on the unit's own
+    clock, which is held to be ahead by ``ahead_ns``.
     """
 
     time_ns: int
@@ -50,9 +51,12 @@ class Pose(NamedTuple):
     unit_ns: int
     tied_ns: int
     is_told: bool
+    ahead_ns: int = 0
 
 
-def pose_of(solved: Solved, heights: Heights, index: int, settings: TeamSettings) -> Pose:
+def pose_of(
+    solved: Solved, heights: Heights, index: int, ahead_ns: int, settings: TeamSettings
+) -> Pose:
     """Return the last pose of the chain at ``index``."""
     chain = solved.assembled.chains[index]
     end = int(solved.assembled.graph.first[index + 1])
@@ -65,7 +69,7 @@ def pose_of(solved: Solved, heights: Heights, index: int, settings: TeamSettings
         (nn, ne, ee, tt, nt, et),
         (float(heights.node_m[end - 1]), float(heights.node_m2[end - 1])),
         unit, chain.starts[unit].time_ns,
-        tied_ns(solved, index), solved.tells_turn(index, settings),
+        tied_ns(solved, index), solved.tells_turn(index, settings), ahead_ns,
     )  # fmt: skip
 
 
@@ -109,7 +113,9 @@ def estimate_of(
     unseen = unseen_before(every, settings).last(since.end_ns.size)
     dn, de = _way_since(pose, since, unseen)
     time_ns = int(since.end_ns[-1]) if since.end_ns.size else pose.time_ns
-    silent_s = max(now_ns - max(time_ns, log.heard_ns), 0) / NS_PER_S - settings.silence_s
+    silent_s = (
+        max(now_ns - max(time_ns - pose.ahead_ns, log.heard_ns), 0) / NS_PER_S - settings.silence_s
+    )
     unheard_m2 = (settings.silent_speed_m_s * max(silent_s, 0.0)) ** 2
     nn, ne, ee, turn_rad2 = _covariance(pose, since, unseen, (dn, de), unheard_m2, settings)
     down_m = pose.down[0] + math.fsum((since.values[:, DOWN] + unseen.way_m[:, 2]).tolist())
@@ -119,7 +125,7 @@ def estimate_of(
     status, reason = _status(pose, time_ns, silent_s, (nn, ne, ee), turn_rad2, settings)
     last = log.moves.last_heading_rad
     return Estimate(
-        time_ns=max(time_ns, now_ns),
+        time_ns=max(time_ns - pose.ahead_ns, now_ns),
         north_m=within(pose.north_m + dn, MOST_COORDINATE_M),
         east_m=within(pose.east_m + de, MOST_COORDINATE_M),
         down_m=within(down_m, MOST_COORDINATE_M),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from command_post.fusion.interface import SmoothedTrack
@@ -17,9 +19,9 @@ from shared.units import NS_PER_S
 
 
 def smoothed_tracks(
-    solved: Solved, heights: Heights, settings: TeamSettings
+    solved: Solved, heights: Heights, ahead_ns: Mapping[str, int], settings: TeamSettings
 ) -> dict[str, SmoothedTrack]:
-    """Return the ways of a solution, with covariances.
+    """Return the ways of a solution, with covariances; some clocks are ahead by ``ahead_ns``.
 
     Between two nodes a way goes as the unit said, turned by the mean of their turns; what is then
     missing to the next node is shared out evenly.
@@ -39,7 +41,7 @@ def smoothed_tracks(
         off_m = heights.node_m[own] - chain.rise[nodes, 0]
         down_m = chain.rise[:, 0] + np.interp(np.arange(chain.time_ns.size), nodes, off_m)
         tracks[chain.responder_id] = SmoothedTrack(
-            chain.time_ns / NS_PER_S,
+            (chain.time_ns - ahead_ns.get(chain.responder_id, 0)) / NS_PER_S,
             np.column_stack([place_m, down_m]),
             spread * settings.covariance_factor,
         )

@@ -55,6 +55,18 @@ def supposed(log: TeamLog, suspicions: Sequence[Suspicion]) -> TeamLog:
     return supposing
 
 
+def clocks_ahead_ns(suspicions: Sequence[Suspicion]) -> dict[str, int]:
+    """Return by how much the clocks of responders' units are held to be ahead, by responder.
+
+    What comes of a log that supposes it is dated by those.
+    """
+    return {
+        each.node_id: round(each.ahead_s * NS_PER_S)
+        for each in suspicions
+        if each.kind == "clock" and each.role == "responder"
+    }
+
+
 def _swap(log: TeamLog, suspicion: Suspicion) -> None:
     since_ns, one_id, other_id = suspicion.since_ns, suspicion.node_id, suspicion.other_id
     one, other = log.of(one_id), log.of(other_id)

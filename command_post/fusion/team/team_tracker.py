@@ -37,7 +37,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution, concerning
 from command_post.fusion.team.solving import commit, solve
-from command_post.fusion.team.suspicions import supposed
+from command_post.fusion.team.suspicions import clocks_ahead_ns, supposed
 from command_post.fusion.track import Estimate
 from shared.messages import (
     Contact,
@@ -214,7 +214,8 @@ class TeamTracker:
             if solved is None or not solved.is_sound:
                 continue
             heights = solve_heights(log, solved.assembled, latest, self._settings)
-            tracks |= smoothed_tracks(solved, heights, self._settings)
+            ahead_ns = clocks_ahead_ns(before.suspicions)
+            tracks |= smoothed_tracks(solved, heights, ahead_ns, self._settings)
             daps |= self._commits.published(crew, latest, daps_of(log, solved, heights))
         standing = {dap_id: dap for dap_id, dap in daps.items() if self._log.stands(dap_id)}
         return Afterwards(tracks, standing)
@@ -311,8 +312,12 @@ class TeamTracker:
         if before is not NOTHING:
             self._storeys_m = np.array(before.storeys_m)
             self._keep_doubts(crew, doubts_of(before.held))
+        ahead_ns = clocks_ahead_ns(before.suspicions)
         for index, chain in enumerate(solved.assembled.chains):
-            self._poses[chain.responder_id] = pose_of(solved, heights, index, self._settings)
+            own_ahead_ns = ahead_ns.get(chain.responder_id, 0)
+            self._poses[chain.responder_id] = pose_of(
+                solved, heights, index, own_ahead_ns, self._settings
+            )
             self._kept_ns[chain.responder_id] = time_ns
             self._storeys_of[chain.responder_id] = self._storeys_m
             own = log.responders[chain.responder_id]
