@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import dropwhile
 from pathlib import Path
@@ -207,7 +207,7 @@ def run(
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement, SupplyGauge(supplies)),
                 _order_desk(node, check_id(post_id, "--post"), acknowledged, node_time),
-                _mayday_desk(node, post_id, kept, button),
+                _mayday_desk(node, post_id, kept, button, opened.controls),
                 RadioDesk(node, radios, KeptStations(kept), radio_offset, drop_desk),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
@@ -236,7 +236,9 @@ def _order_desk(node: Node, post_id: NodeId, acknowledged: Event, node_time: Nod
     )  # fmt: skip
 
 
-def _mayday_desk(node: Node, post_id: NodeId, journal: Path, button: Path | None) -> MaydayDesk:
+def _mayday_desk(
+    node: Node, post_id: NodeId, journal: Path, button: Path | None, others: Sequence[Control]
+) -> MaydayDesk:
     """Return where the wearer calls for help; a call that a kill broke off goes on."""
     call, sender = MaydayCall(node.node_id, post_id), node.sender()
     said = node.outbox.newest(sender.key(Mayday)) if node.outbox.broken_off else None
@@ -245,7 +247,7 @@ def _mayday_desk(node: Node, post_id: NodeId, journal: Path, button: Path | None
         before = decode(key, said)
         if isinstance(before, Mayday):
             call.go_on(before)
-    controls: list[Control] = [] if button is None else [InputButton(button)]
+    controls = [*others, *([] if button is None else [InputButton(button)])]
     # Where there is no such socket (Windows) there is the button alone.
     if hasattr(socket, "AF_UNIX"):
         controls.append(UnitSocket(socket_path(journal)))

@@ -23,6 +23,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from edge_agent.sources.phone_button import PhoneButton
 from edge_agent.sources.phone_stream import PhoneStream, decoded
 from edge_agent.sources.reading import Quiet, Reading, Source
 from edge_agent.sources.recording import SourceError
@@ -69,6 +70,9 @@ class PhoneServer:
             host = socket.gethostname()
         self.url = f"{scheme}://{host}:{port}/{token or secrets.token_urlsafe(12)}/"
         self._stream = PhoneStream()
+        self.button = PhoneButton()
+        """The page's mayday button."""
+
         self._ahead_ns = 0
         self._samples: queue.Queue[ImuSample] = queue.Queue(MOST_WAITING)
 
@@ -94,6 +98,7 @@ class PhoneServer:
             Route(path, _page),
             Route(f"{path}push", self._push, methods=["POST"]),
             WebSocketRoute(f"{path}stream", self._stream_on),
+            self.button.route(f"{path}mayday"),
         ]
         return uvicorn.Config(
             Starlette(routes=routes),
@@ -162,7 +167,7 @@ def open_phone(where: str, now_ns: Callable[[], int], bundle: Bundle | None) -> 
     """Return the source of a phone that comes to HOST:PORT; say where it is to come to."""
     server = PhoneServer(where, now_ns, bundle)
     _log.info("open this on the phone", page=server.url, http_push=f"{server.url}push")
-    return Source(server.readings(), now_ns(), None)
+    return Source(server.readings(), now_ns(), None, (server.button,))
 
 
 def _listen(where: str) -> socket.socket:

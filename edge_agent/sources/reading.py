@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeAlias
 import msgspec
 
 from edge_agent.drop_desk import Beacon
+from edge_agent.mayday_controls import Control
 from edge_agent.whereabouts import Cue
 from shared.messages import ImuSample, LocalPosition
 
@@ -32,12 +33,13 @@ class Source(NamedTuple):
     """Readings in the order of their time; ``begin_ns`` is the time they are counted from.
 
     ``start`` is where the wearer is known to stand at the beginning, ``None`` where the file
-    does not say.
+    does not say. ``controls`` are those by which its wearer may call for help.
     """
 
     readings: Iterator[Reading]
     begin_ns: int
     start: LocalPosition | None
+    controls: tuple[Control, ...] = ()
 
     def beginning_at(self, begin_ns: int) -> Iterator[Reading]:
         """Yield the readings with their times moved so that they begin at ``begin_ns``."""

@@ -12,6 +12,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from edge_agent.mayday_controls import Request
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.phone_server import PhoneServer
 from edge_agent.sources.reading import Quiet, Reading, Source
@@ -60,6 +61,18 @@ def test_a_walk_is_pushed_and_dated_by_our_clock(
     assert found[199].time_ns == NOW_NS - 4_000_000
     times_ns = [one.time_ns - BEGIN_NS for one in samples]
     assert [one.time_ns - found[0].time_ns for one in found[:200]] == times_ns[:200]
+
+
+def test_a_mayday_is_held_on_the_page_and_how_it_stands_is_told(
+    server: PhoneServer, readings: Generator[Reading, None, None]
+) -> None:
+    assert b"MAYDAY" in ask(server.url)[1]
+    assert ask(f"{server.url}mayday", b"call") == (200, b"")
+    assert server.button.requests(stands=False) == [Request("call", "held on the phone")]
+    server.button.tell("HEARD")
+    assert ask(f"{server.url}mayday") == (200, b"HEARD")
+    assert ask(f"{server.url}mayday", b"dance" * 1000)[0] == 400
+    assert server.button.requests(stands=True) == []
 
 
 def test_a_walk_is_streamed_and_each_message_answered(
