@@ -15,7 +15,7 @@ from command_post.commands.scoring import read_evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
 from command_post.recording import RecordedIncident, Recorder
-from command_post.recording_file import RecordingFile
+from command_post.recording_set import RecordingSet, Rotation
 from command_post.replay import replay
 from command_post.roster import Roster
 from shared.bus.interface import Bus, Received
@@ -286,14 +286,18 @@ def test_what_becomes_due_while_nothing_is_heard_is_work_too(tmp_path: Path) -> 
     assert watched[0].times > 2
 
 
-def test_a_post_that_was_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+@pytest.mark.parametrize("rotation", [None, Rotation(1, 1)], ids=["one file", "parts"])
+def test_a_post_that_was_killed_goes_on_where_it_was(
+    tmp_path: Path, rotation: Rotation | None
+) -> None:
     path, network, run = tmp_path / "a.mcap", MemoryNetwork(), b"\x05" * 8
-    file = RecordingFile(path, {})
+    file = RecordingSet(path, {}, rotation=rotation)
     incident = RecordedIncident(Incident(SETTINGS), file)
     incident.handle(key("start"), start(), NOW_NS)
     for number in range(3):
         incident.handle(key("increment"), sealed(stride(number), run, number + 1), NOW_NS)
-    file.sync()
+        file.sync()
+        file.rotate_if_due()
     file.abandon()
     said: list[Received] = []
     with serving(network, path) as (other, clock, shown):
