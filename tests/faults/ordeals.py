@@ -172,7 +172,7 @@ def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: fl
     names = [f"r{number}" for number in range(1, responders + 1)]
     with Air(["post", "dap1", *names, STAYS]) as air:
         everybody = [*names, STAYS]
-        site = Deployment(folder, ["dap1"], everybody, air, walk_s=cut_s + after_s + 240.0)
+        site = Deployment(folder, ["dap1"], everybody, air, walk_s=2.0 * cut_s + after_s + 240.0)
         air.link("dap1", "post", Link(delay_s=0.005))
         air.link(STAYS, "dap1", Link(delay_s=0.005))
         for name in names:
