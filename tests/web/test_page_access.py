@@ -7,10 +7,12 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.benchmarks.page_load import METER
 from tests.conftest import CHECKOUT
 from tests.waiting import DEADLINE_S
 from tests.web.browser import CHROMIUM, Watched, chromium
 from tests.web.staged import Staged, staged
+from tests.web.test_board import track
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
@@ -31,6 +33,7 @@ def shown() -> Iterator[Staged]:
 def page(shown: Staged) -> Iterator[Page]:
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 1024, "height": 768})
+        page.add_init_script(path=METER)
         page.set_default_timeout(1e3 * DEADLINE_S)
         expect.set_options(timeout=1e3 * DEADLINE_S)
         page.goto(shown.url)
@@ -113,6 +116,22 @@ def test_the_map_and_the_floors_are_gone_through_by_keys(page: Page) -> None:
     for _ in range(3):
         page.keyboard.press("+")
     expect(scale).not_to_have_text(before or "")
+
+
+def test_whatever_changes_is_drawn_all_of_it_at_once(page: Page, shown: Staged) -> None:
+    key = f"clew/v1/{shown.incident.settings.incident}/post/post/track"
+    counted = "[clewMeter.late_ms.length, clewMeter.renders]"
+    drawn, renders = page.evaluate(counted)
+    for step in range(5):
+        for number in range(40):
+            shown.page.published(key, track(float(step), float(step + 1), f"x{number}"))
+        for _ in range(1000):
+            drawn_now, renders_now = page.evaluate(counted)
+            if drawn_now >= drawn + 40 * (step + 1):
+                break
+            page.wait_for_timeout(10)
+    assert drawn_now - drawn >= 5 * 40
+    assert renders_now - renders < (drawn_now - drawn) / 4
 
 
 def _heed_once_asked(page: Page, shown: Staged) -> None:
