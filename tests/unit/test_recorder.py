@@ -233,6 +233,7 @@ import sys
 from pathlib import Path
 from command_post.recording import Recorder
 from command_post.recording_file import RecordingFile
+from command_post.recording_set import Rotation
 
 clock_ns = 0
 put = RecordingFile.put
@@ -243,7 +244,10 @@ def put_and_tick(*arguments, **more):
     clock_ns += 100_000_000
 
 RecordingFile.put = put_and_tick
-recorder = Recorder(Path(sys.argv[1]), {"incident": "test"}, monotonic_ns=lambda: clock_ns)
+parts = Rotation(1, 10**18) if sys.argv[2] == "parts" else None
+recorder = Recorder(
+    Path(sys.argv[1]), {"incident": "test"}, monotonic_ns=lambda: clock_ns, rotation=parts
+)
 for number in range(55):
     recorder.put("some/key", b"%d" % number, number * 100_000_000)
 while recorder.status().written < 55:
@@ -253,16 +257,18 @@ sys.stdin.read()
 """
 
 
-def test_a_kill_costs_the_last_second_at_most(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("files", "count"), [("one", 1), ("parts", 6)])
+def test_a_kill_costs_the_last_second_at_most(tmp_path: Path, files: str, count: int) -> None:
     with subprocess.Popen(
-        [sys.executable, "-c", KILLED, str(tmp_path / "a.mcap")],
+        [sys.executable, "-c", KILLED, str(tmp_path / "a.mcap"), files],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
     ) as recording:
         assert recording.stdout is not None
         assert recording.stdout.readline() == b"ready\n"
         recording.kill()
-    found = read_recording(tmp_path / "a.mcap.part")
+    found = read_recording(tmp_path)
+    assert len(found.parts) == count
     assert found.metadata["incident"] == "test"
     assert [message.payload for message in found] == [b"%d" % number for number in range(50)]
     assert not found.report.finished
