@@ -27,7 +27,7 @@ IMPATIENCE_S = 0.5
 AGAIN_S = 0.02
 """When an interruption that was lost is tried again."""
 
-NOT_WAITED_FOR = frozenset({"zenoh-open", "zenoh-close"})
+NOT_WAITED_FOR = frozenset({"zenoh-dial", "zenoh-leave", "zenoh-close"})
 """Names of threads that may still be inside a link when the program is at its end."""
 
 LONGEST_WAIT_S = 0.5
