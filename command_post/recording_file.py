@@ -218,10 +218,8 @@ class RecordingFile:
             publish_time=log_time_ns if isinstance(message, Refusal) else message.event_time_ns,
             sequence=0 if isinstance(message, Refusal) else message.sequence % (1 << 32),
         )
-        if self._mirror is not None and not isinstance(message, Refusal):
-            self._mirror.take(message, log_time_ns, outgoing=outgoing)
-            if self._mirror.is_due:
-                self._write_drawn(self._mirror)
+        if not (isinstance(parsed, Refusal) or isinstance(message, Refusal)):
+            self._draw(parsed.node_id, message, log_time_ns, outgoing=outgoing)
         return True
 
     def mark_end(self, now_ns: int) -> None:
@@ -273,6 +271,12 @@ class RecordingFile:
         """Leave nothing of the file."""
         self.abandon()
         self.part.unlink(missing_ok=True)
+
+    def _draw(self, node_id: str, message: Message, time_ns: int, *, outgoing: bool) -> None:
+        if self._mirror is not None:
+            self._mirror.take(node_id, message, time_ns, outgoing=outgoing)
+            if self._mirror.is_due:
+                self._write_drawn(self._mirror)
 
     def _write_drawn(self, mirror: Mirror) -> None:
         """Write a chunk of what is only to be looked at."""

@@ -16,9 +16,10 @@ import msgspec
 from command_post.announcer import Outgoing
 from command_post.gateways.foxglove import Drawing, FoxgloveBoard
 from command_post.gateways.foxglove_schemas import drawable_schema, schema_name
+from command_post.told import is_taken_up
 from shared.codec import Refusal, decode, parse_key
 from shared.geodesy import Origin
-from shared.messages import Message, OutsideWord
+from shared.messages import DapInstallation, Message, OutsideWord
 from shared.units import NS_PER_S
 
 MOST_BYTES = 1 << 21
@@ -46,8 +47,13 @@ class Mirror:
         self._bytes = 0
         self._again = False
 
-    def take(self, message: Message, time_ns: int, *, outgoing: bool) -> None:
-        """Draw a message that was recorded at ``time_ns``, if it is of the post (``outgoing``)."""
+    def take(self, node_id: str, message: Message, time_ns: int, *, outgoing: bool) -> None:
+        """Draw what somebody said, recorded at ``time_ns``: what the post makes (``outgoing``).
+
+        Of what it receives, words from outside, and that an access point was taken up.
+        """
+        if isinstance(message, DapInstallation) and is_taken_up(message):
+            self._add(self._board.take_up(node_id, time_ns))
         if not outgoing and not isinstance(message, OutsideWord):
             return
         if self._again:

@@ -91,6 +91,11 @@ def why_nowhere(said: DapInstallation) -> str | None:
     return "taken up, and nowhere until it is set down again"
 
 
+def is_taken_up(said: DapInstallation) -> bool:
+    """Say whether a DAP tells that it was taken up, and stands nowhere since."""
+    return why_nowhere(said) is not None and not said.at_rest
+
+
 def as_alarm(mayday: Mayday) -> Alarm:
     """Return a wearer's call for help, or its end, as the alarm that it is."""
     return Alarm(

@@ -34,6 +34,7 @@ from command_post.gateways.foxglove_schemas import (
     Pose,
     Quaternion,
     SceneEntity,
+    SceneEntityDeletion,
     SceneUpdate,
     SpherePrimitive,
     TextPrimitive,
@@ -121,6 +122,17 @@ class FoxgloveBoard:
         mapped_ns = self._mapped_ns
         if mapped_ns is None or not 0 <= time_ns - mapped_ns < MAP_PERIOD_NS:
             yield from self._map(time_ns)
+
+    def take_up(self, dap_id: str, time_ns: int) -> Iterator[Drawing]:
+        """Yield that an access point is where it stood no more, if it is drawn."""
+        if self._daps.pop(dap_id, None) is not None:
+            gone = SceneEntityDeletion(_time(time_ns), dap_id)
+            yield Drawing(f"/daps/{dap_id}", SceneUpdate([], [gone]), time_ns)
+
+    @property
+    def daps(self) -> frozenset[str]:
+        """The access points that are drawn."""
+        return frozenset(self._daps)
 
     def standing(self, time_ns: int) -> Iterator[Drawing]:
         """Yield everything as it stands, for who has not seen it."""

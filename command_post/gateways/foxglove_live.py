@@ -76,7 +76,7 @@ class FoxgloveDoor:
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
         self._board = FoxgloveBoard(origin)
-        self._left: Inbox[tuple[str, bytes]] = Inbox(MOST_WAITING)
+        self._left: Inbox[tuple[str, bytes] | frozenset[str]] = Inbox(MOST_WAITING)
         self._stop = threading.Event()
         try:
             self._server = foxglove.start_server(
@@ -104,7 +104,8 @@ class FoxgloveDoor:
             self._left.put((key_text, payload))
 
     def show(self, roster: Roster) -> None:
-        """Take in the newest roster, of which nothing is drawn."""
+        """Take in the newest roster: it tells which access points were taken up."""
+        self._left.put(frozenset(row.dap_id for row in roster.daps if row.position is not None))
 
     def take_requests(self) -> list[tuple[str, bytes]]:
         """Return what was asked for: nothing can be."""
@@ -118,16 +119,23 @@ class FoxgloveDoor:
         """Draw until stopped, then let everybody go."""
         again_s = time.monotonic() + AGAIN_S
         while not self._stop.is_set():
-            for key_text, payload in self._left.get_all(LOOK_S):
-                key = parse_key(key_text)
-                message = key if isinstance(key, Refusal) else decode(key, payload)
-                if not isinstance(message, Refusal):
-                    self._draw(self._board.take(message, time.time_ns()))
+            for left in self._left.get_all(LOOK_S):
+                if isinstance(left, frozenset):
+                    for name in sorted(self._board.daps - left):
+                        self._draw(self._board.take_up(name, time.time_ns()))
+                else:
+                    self._take(*left)
             if time.monotonic() >= again_s:
                 again_s = time.monotonic() + AGAIN_S
                 if self.watched:
                     self._draw(self._board.standing(time.time_ns()))
         self._server.stop()
+
+    def _take(self, key_text: str, payload: bytes) -> None:
+        key = parse_key(key_text)
+        message = key if isinstance(key, Refusal) else decode(key, payload)
+        if not isinstance(message, Refusal):
+            self._draw(self._board.take(message, time.time_ns()))
 
     def _draw(self, drawings: Iterable[Drawing]) -> None:
         for topic, drawing, time_ns in drawings:

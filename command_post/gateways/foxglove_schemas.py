@@ -136,11 +136,19 @@ class SceneEntity(msgspec.Struct, frozen=True, kw_only=True):
     models: list[dict[str, str]] = []
 
 
+class SceneEntityDeletion(msgspec.Struct, frozen=True):
+    """What had ``id`` on the same topic is there no more."""
+
+    timestamp: Time
+    id: str
+    type: int = 0
+
+
 class SceneUpdate(msgspec.Struct, frozen=True):
     """What changes in a three-dimensional scene."""
 
     entities: list[SceneEntity]
-    deletions: list[dict[str, str]] = []
+    deletions: list[SceneEntityDeletion] = []
 
 
 class FrameTransform(msgspec.Struct, frozen=True):

@@ -37,6 +37,7 @@ from shared.mcap_reader import read_recording
 from shared.messages import (
     Alert,
     DapEstimate,
+    DapInstallation,
     LocalPosition,
     Message,
     Order,
@@ -260,11 +261,23 @@ def test_a_post_that_was_killed_draws_on_where_it_was(tmp_path: Path) -> None:
             Outgoing("clew/v1/fire/post/post/dap_place", encode(SAID[2])),
         ]
     )
-    mirror.take(track(), NOW_NS, outgoing=True)
+    mirror.take("post", track(), NOW_NS, outgoing=True)
     topics = {each.topic: each.data for each in mirror.take_all()}
     assert "/responders/r1/location" in topics
     assert b"access_point" in topics["/map"]
     assert "/daps/d1" not in topics
     mirror.draw_again()
-    mirror.take(track(2.0), NOW_NS + 2 * NS_PER_S, outgoing=True)
+    mirror.take("post", track(2.0), NOW_NS + 2 * NS_PER_S, outgoing=True)
     assert "/daps/d1" in {each.topic for each in mirror.take_all()}
+
+
+def test_an_access_point_that_was_taken_up_is_drawn_no_more() -> None:
+    mirror = Mirror(None)
+    mirror.take("post", SAID[2], NOW_NS, outgoing=True)
+    taken_up = DapInstallation(event_time_ns=NOW_NS, sequence=1, installer_id=None, position=None)
+    for name in ("d2", "d1", "d1"):
+        mirror.take(name, taken_up, NOW_NS + 1, outgoing=False)
+    shown, gone = (json.loads(each.data) for each in mirror.take_all())
+    assert [each["id"] for each in shown["entities"]] == ["d1"]
+    assert [each["id"] for each in gone["deletions"]] == ["d1"]
+    assert gone["entities"] == []

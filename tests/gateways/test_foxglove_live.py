@@ -19,10 +19,11 @@ from command_post.gateways.foxglove_live import (
     foxglove_served,
 )
 from command_post.listening import Address
+from command_post.roster import Roster
 from shared.codec import encode
 from shared.geodesy import Origin
 from tests.gateways.test_cot import alert
-from tests.gateways.test_foxglove import track
+from tests.gateways.test_foxglove import SAID, track
 from tests.waiting import wait_for
 
 sync = pytest.importorskip("websockets.sync.client")
@@ -118,6 +119,16 @@ def test_who_looks_in_sees_people_a_map_and_the_log() -> None:
             assert names["/map"] == "foxglove.GeoJSON"
             assert names["/log"] == "foxglove.Log"
     assert not any(thread.name == "foxglove" for thread in threading.enumerate())
+
+
+def test_an_access_point_that_the_roster_has_no_more_is_taken_away() -> None:
+    with door() as served:
+        served.published(f"{KEY}dap_place", encode(SAID[2]))
+        with viewer(served) as seen:
+            assert seen.sees("/daps/d1")["entities"][0]["id"] == "d1"
+            served.show(Roster(0, (), ()))
+            while not seen.sees("/daps/d1")["deletions"]:
+                pass
 
 
 def test_a_slow_client_holds_up_nobody() -> None:
