@@ -1,9 +1,13 @@
 """When to set down the next DAP, as the one who carries it walks on (pure).
 
-A DAP is worth most where ways meet, for there somebody passes it again; and while the last one is
-still heard, for by it what is said comes out. What the unit knows of that are its own movements
-and how loud DAPs are: no map, and nobody else's track. The agent tells its wearer, the simulator
-lets those whom it simulates do as they are told.
+What a DAP tells is a sum over those who pass it: each pass gains ½ log₂ det(I + P R⁻¹) bits of a
+place known to P, R being the tie's covariance. The logarithm grows slowly with the way since the
+last DAP, the number of passes falls fast with the depth: near the entrance all come by, in and out
+again. So DAPs are worth most close together there, and farther apart the deeper one is in; where
+ways meet, for there somebody passes again; and while the last one is still heard, for by it what
+is said comes out. What the unit knows of that are its own movements and how loud DAPs are: no map,
+and nobody else's track. The agent tells its wearer, the simulator lets those whom it simulates do
+as they are told.
 """
 
 from __future__ import annotations
@@ -42,31 +46,31 @@ class AdviserSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     Levels (dBm) are of the loudest DAP over ``window_s``: from ``by_dbm`` on it is passed, from
     ``covered_dbm`` on no further one is wanted. A link of ``weak_dbm`` begins to be in need; one of
     ``breaking_dbm``, ``ahead_m`` further on as the level falls now, is all but gone. With no DAP
-    passed for ``every_m`` the need for a tie is full. To turn by ``turn_rad`` after going straight
-    for ``straight_m`` is a junction, for ``lasts_m``; who gets no further than the share
-    ``searching`` of ``around_m`` walked is in a room. A need counts fully at a junction or at
-    stairs, by ``worth_on_way`` or ``worth_in_room`` elsewhere, and by ``last_box_share`` of that
-    with the last box. Advice is raised from ``raise_at`` on, dropped under ``drop_at``. It is not
-    raised again within ``again_m``, nor, before it was dropped, within ``repeat_m``.
+    passed for ``every_m``, and ``deeper_share`` of how far in the wearer is, the need for a tie is
+    full. To turn by ``turn_rad`` after going straight for ``straight_m`` is a junction, for
+    ``lasts_m``; who gets no further than the share ``searching`` of ``around_m`` walked is in a
+    room. A need counts fully at a junction or at stairs, by ``worth_on_way`` or ``worth_in_room``
+    elsewhere. Advice is raised from ``raise_at`` on, dropped under ``drop_at``. It is not raised
+    again within ``again_m``, nor, before it was dropped, within ``repeat_m``.
     """
 
     window_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 2.0
-    by_dbm: Dbm = -50.0
-    covered_dbm: Dbm = -62.0
+    by_dbm: Dbm = -53.0
+    covered_dbm: Dbm = -59.0
     weak_dbm: Dbm = -78.0
     breaking_dbm: Dbm = -88.0
     ahead_m: Metres = 5.0
     power_at_1_m_dbm: Dbm = -40.0
     path_loss_exponent: Annotated[float, Meta(ge=1.0, le=6.0)] = 2.2
-    every_m: Metres = 20.0
+    every_m: Metres = 10.0
+    deeper_share: Share = 0.15
     turn_rad: Annotated[float, Meta(gt=0.0, le=3.2)] = math.radians(45.0)
     straight_m: Metres = 6.0
     around_m: Metres = 20.0
     searching: Share = 0.6
     lasts_m: Metres = 3.0
-    worth_on_way: Share = 0.4
+    worth_on_way: Share = 0.65
     worth_in_room: Share = 0.2
-    last_box_share: Share = 0.75
     raise_at: Share = 0.6
     drop_at: Share = 0.4
     again_m: Metres = 8.0
@@ -217,7 +221,9 @@ class DropAdviser:
         since_m = self._way[-1].walked_m - self._by_m
         where, worth = self._where()
         near = "" if level_dbm is None else f", the next one at {level_dbm:.0f} dBm"
-        need = min(since_m / self._settings.every_m, 1.0) * worth
+        deep_m = math.hypot(*self._way[-1].place_m[:2])
+        every_m = self._settings.every_m + self._settings.deeper_share * deep_m
+        need = min(since_m / every_m, 1.0) * worth
         return _Need(need, f"{where}, {since_m:.0f} m since the last DAP{near}")
 
     def _for_link(self, level_dbm: float | None) -> _Need:
@@ -241,7 +247,6 @@ class DropAdviser:
     def _where(self) -> tuple[str, float]:
         """Say what kind of place this is, and what share of a need counts here."""
         settings = self._settings
-        thrift = settings.last_box_share if self.boxes == 1 else 1.0
         if self._on_stairs:
             return "on stairs", 0.0
         if self._site is not None:
@@ -249,8 +254,8 @@ class DropAdviser:
             if self._way[-1].walked_m - at_m <= settings.lasts_m:
                 return kind, 1.0
         if self._searches:
-            return "in a room", thrift * settings.worth_in_room
-        return "on the way", thrift * settings.worth_on_way
+            return "in a room", settings.worth_in_room
+        return "on the way", settings.worth_on_way
 
     @property
     def _searches(self) -> bool:

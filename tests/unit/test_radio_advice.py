@@ -58,7 +58,7 @@ def told_on_the_way(folder: Path, levels_dbm: list[int]) -> list[Advice]:
 def test_a_box_is_asked_for_where_the_link_breaks_as_the_radio_of_the_unit_hears_it(
     tmp_path: Path,
 ) -> None:
-    (advice,) = told_on_the_way(tmp_path, [-60 - round(2.5 * step) for step in range(20)])
+    (advice,) = told_on_the_way(tmp_path, [-60 - 6 * step for step in range(8)])
     assert "link at" in advice.reason
     assert "dBm, falling" in advice.reason
 
@@ -67,4 +67,4 @@ def test_none_is_asked_for_while_one_is_loud_once_its_readings_are_brought_to_sc
     tmp_path: Path,
 ) -> None:
     """-90 dBm would be a link all but gone, but this radio hears 10 dB too little."""
-    assert told_on_the_way(tmp_path, [-90] * 40) == []
+    assert told_on_the_way(tmp_path, [-90] * 8) == []
