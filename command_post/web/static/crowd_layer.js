@@ -2,6 +2,7 @@
 // ten times a second leave no time for features of their own.
 /* global ol */
 import { stroke, TrailPicture } from "./trail_picture.js";
+import { word } from "./words.js";
 
 const SIDES = { tracking: 0, dead_reckoning: 4, recovering: 3, lost: 4 };
 const WIDEST_M = 800;
@@ -12,6 +13,8 @@ const TURN_RAD = Math.PI / 36;
 const REACH = 28;
 const TRAIL_ALPHA = 0.55;
 const FONT = "600 16px system-ui, sans-serif";
+const GRAVE = new Set(["mayday", "fall", "motionless", "low_air"]);
+const RING = 24;
 
 export class CrowdLayer extends ol.layer.Layer {
   #model;
@@ -22,6 +25,8 @@ export class CrowdLayer extends ol.layer.Layer {
   #symbols = new Map();
   #labels = new Map();
   #labelled = new Set();
+  #alerted = new Set();
+  #grave = new Map();
   #level = null;
   #colours = {};
 
@@ -89,11 +94,15 @@ export class CrowdLayer extends ol.layer.Layer {
     const pen = this.#canvas.getContext("2d");
     pen.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
     pen.clearRect(0, 0, view.width, view.height);
+    const alerts = this.#model.openAlerts();
+    this.#alerted = new Set(alerts.map((alert) => alert.node_id));
+    this.#grave = new Map(alerts.filter((alert) => GRAVE.has(alert.kind)).reverse().map((alert) => [alert.node_id, alert]));
     const people = [...this.#model.tracks.values()].map((track) => this.#placed(track, view));
     this.drawn = new Map(people.map(({ track }) => [track.responder_id, [track.east_m, track.north_m]]));
     const seen = people.filter(({ x, y }) => x > -MARGIN && y > -MARGIN && x < view.width + MARGIN && y < view.height + MARGIN);
     this.#drawRegions(pen, people, view);
     this.#drawTails(pen, seen, view);
+    this.#drawRings(pen, seen);
     for (const person of seen) this.#drawPerson(pen, person, view.ratio);
     this.#drawLabels(pen, seen, view.ratio);
     this.dispatchEvent("drawn");
@@ -101,23 +110,25 @@ export class CrowdLayer extends ol.layer.Layer {
 
   #placed(track, view) {
     const [x, y] = view.at(track.north_m, track.east_m);
-    return { track, x, y, faint: this.#isFaint(track), colour: this.#colours[track.status] ?? this.#colours.accent };
+    const status = this.#model.statusOf(track);
+    return { track, status, x, y, faint: this.#isFaint(track), colour: this.#colours[status] ?? this.#colours.accent };
   }
 
   #lookOfTrail(id) {
     const track = this.#model.tracks.get(id);
     const faint = Boolean(track) && this.#isFaint(track);
-    const colour = this.#colours[track?.status] ?? this.#colours.accent;
+    const colour = (track && this.#colours[this.#model.statusOf(track)]) ?? this.#colours.accent;
     return { faint, colour: faint ? mixed(colour, this.#colours.ground, 0.2) : colour };
   }
 
+  /** Nobody is faint who is in need, whatever floor is looked at. */
   #isFaint(track) {
-    return this.#level !== null && this.#model.floorOf(track.floor_down_m) !== this.#level;
+    return !this.#grave.has(track.responder_id) && this.#level !== null && this.#model.floorOf(track.floor_down_m) !== this.#level;
   }
 
   #drawRegions(pen, people, view) {
     pen.lineWidth = 1.5;
-    for (const { track, x, y, faint, colour } of people) {
+    for (const { track, status, x, y, faint, colour } of people) {
       pen.beginPath();
       if (track.regions_m.length) {
         for (const outline of track.regions_m) {
@@ -133,7 +144,7 @@ export class CrowdLayer extends ol.layer.Layer {
       pen.globalAlpha = faint ? 0.03 : 0.14;
       pen.fill();
       pen.globalAlpha = faint ? 0.25 : 1;
-      pen.setLineDash(track.status === "lost" ? [8, 6] : []);
+      pen.setLineDash(status === "lost" ? [8, 6] : []);
       pen.stroke();
     }
     pen.setLineDash([]);
@@ -144,19 +155,32 @@ export class CrowdLayer extends ol.layer.Layer {
   #drawTails(pen, people, view) {
     pen.lineWidth = 3;
     pen.globalAlpha = TRAIL_ALPHA;
-    for (const { track, x, y } of people) {
+    for (const { track, status, x, y } of people) {
       const tail = this.#trails.tail(track.responder_id).map(([north, east]) => view.at(north, east));
-      if (track.status !== "lost") tail.push([x, y]);
+      if (status !== "lost") tail.push([x, y]);
       if (tail.length > 1) stroke(pen, tail, this.#lookOfTrail(track.responder_id).colour);
     }
     pen.globalAlpha = 1;
   }
 
-  #drawPerson(pen, { track, x, y, faint, colour }, ratio) {
-    const known = track.heading_sd_rad < HEADING_KNOWN_RAD && track.status !== "lost";
+  /** A ring round whoever is in need; a thinner one once somebody has acknowledged that. */
+  #drawRings(pen, people) {
+    pen.strokeStyle = this.#colours.alarm;
+    for (const { track, x, y } of people) {
+      const alert = this.#grave.get(track.responder_id);
+      if (!alert) continue;
+      pen.lineWidth = alert.stage === "raised" ? 6 : 3;
+      pen.beginPath();
+      pen.arc(x, y, RING, 0, 2 * Math.PI);
+      pen.stroke();
+    }
+  }
+
+  #drawPerson(pen, { track, status, x, y, faint, colour }, ratio) {
+    const known = track.heading_sd_rad < HEADING_KNOWN_RAD && status !== "lost";
     const turn = known ? Math.round(track.heading_rad / TURN_RAD) : null;
-    const name = `${track.status} ${colour} ${turn} ${ratio}`;
-    if (!this.#symbols.has(name)) this.#symbols.set(name, this.#symbol(track.status, colour, turn, ratio));
+    const name = `${status} ${colour} ${turn} ${ratio}`;
+    if (!this.#symbols.has(name)) this.#symbols.set(name, this.#symbol(status, colour, turn, ratio));
     pen.globalAlpha = faint ? 0.25 : 1;
     pen.drawImage(this.#symbols.get(name), x - REACH, y - REACH, 2 * REACH, 2 * REACH);
     pen.globalAlpha = 1;
@@ -181,15 +205,15 @@ export class CrowdLayer extends ol.layer.Layer {
 
   /** Write names: those of who is lost or alerted to first, and none over another. */
   #drawLabels(pen, people, ratio) {
-    const alerted = new Set(this.#model.openAlerts().map((alert) => alert.node_id));
-    const rank = ({ track, faint }) => (faint ? 4 : 0)
-      + (track.status === "lost" || alerted.has(track.responder_id) ? 0 : this.#labelled.has(track.responder_id) ? 1 : 2);
+    const rank = ({ track, status, faint }) => (faint ? 4 : 0)
+      + (status === "lost" || this.#alerted.has(track.responder_id) ? 0 : this.#labelled.has(track.responder_id) ? 1 : 2);
     const taken = [];
     this.#labelled = new Set();
     for (const person of people.sort((one, other) => rank(one) - rank(other))) {
       const id = person.track.responder_id;
-      const label = this.#label(id, ratio);
-      const [left, top] = [person.x - label.wide / 2, person.y - 30 - label.high / 2];
+      const grave = this.#grave.get(id);
+      const label = this.#label(grave ? `${id}: ${word(grave.kind)}` : id, ratio);
+      const [left, top] = [person.x - label.wide / 2, person.y - (grave ? 40 : 30) - label.high / 2];
       const box = [left, top, left + label.wide, top + label.high];
       if (taken.some((other) => ol.extent.intersects(other, box))) continue;
       taken.push(box);
@@ -200,21 +224,21 @@ export class CrowdLayer extends ol.layer.Layer {
     pen.globalAlpha = 1;
   }
 
-  #label(id, ratio) {
-    const known = this.#labels.get(id);
+  #label(text, ratio) {
+    const known = this.#labels.get(text);
     if (known?.ratio === ratio) return known;
     const picture = document.createElement("canvas");
     const pen = picture.getContext("2d");
     pen.font = FONT;
-    const [wide, high] = [Math.ceil(pen.measureText(id).width) + 6, 24];
+    const [wide, high] = [Math.ceil(pen.measureText(text).width) + 6, 24];
     Object.assign(picture, { width: wide * ratio, height: high * ratio });
     pen.scale(ratio, ratio);
     Object.assign(pen, { font: FONT, textBaseline: "middle", lineWidth: 4, lineJoin: "round",
       strokeStyle: this.#colours.ground, fillStyle: this.#colours.ink });
-    pen.strokeText(id, 3, high / 2);
-    pen.fillText(id, 3, high / 2);
+    pen.strokeText(text, 3, high / 2);
+    pen.fillText(text, 3, high / 2);
     const label = { picture, wide, high, ratio };
-    this.#labels.set(id, label);
+    this.#labels.set(text, label);
     return label;
   }
 }

@@ -42,7 +42,7 @@ export class MapView {
     const styles = getComputedStyle(document.documentElement);
     const read = (name) => styles.getPropertyValue(`--${name}`).trim();
     this.colours = Object.fromEntries(["tracking", "dead_reckoning", "lost", "recovering", "ink",
-      "faint", "accent", "ground"].map((name) => [name, read(name)]));
+      "faint", "accent", "ground", "alarm"].map((name) => [name, read(name)]));
     this.#styles.clear();
     this.#crowd.setColours(this.colours);
     this.#plan.setColour(this.colours.faint);

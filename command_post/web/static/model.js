@@ -7,6 +7,8 @@ const STOREY_M = 1.8;
 const STAGES = ["raised", "acknowledged", "assigned", "resolved"];
 
 export class Model {
+  #rows = new Map();
+
   constructor() {
     this.tracks = new Map();
     this.trails = new Map();
@@ -32,7 +34,10 @@ export class Model {
     }
     for (const alert of changes.alerts ?? []) this.alerts.set(alert.number, alert);
     for (const answer of changes.answers ?? []) this.answers.push(answer);
-    if (changes.roster) this.roster = changes.roster;
+    if (changes.roster) {
+      this.roster = changes.roster;
+      this.#rows = new Map(changes.roster.responders.map((row) => [row.responder_id, row]));
+    }
     if (changes.floors) this.floors = changes.floors;
     if (changes.sites) this.sites = changes.sites;
     if (changes.origin) this.origin = changes.origin;
@@ -53,6 +58,12 @@ export class Model {
 
   responders() {
     return this.roster?.responders ?? [];
+  }
+
+  /** What a track is worth now: the roster knows what has become of it since it was told. */
+  statusOf(track) {
+    const status = this.#rows.get(track.responder_id)?.status;
+    return status === undefined || status === "tracking" || status === "no_track" ? track.status : status;
   }
 
   /** Those of whom it is not known that they are well: a roll call asks these alone. */

@@ -75,7 +75,7 @@ export function showPeople(model, actions) {
     const track = model.tracks.get(row.responder_id);
     const floor = track ? model.floorOf(track.floor_down_m) : null;
     const radius = track ? track.axes95_m[0] : null;
-    const status = row.status === "tracking" && track ? track.status : row.status;
+    const status = track ? model.statusOf(track) : row.status;
     const shown = {
       status, floor, sure: track?.floor_probability.toFixed(1), radius: radius === null ? "" : length(radius),
       reason: status === row.status ? row.reason : track.reason, activity: row.activity, fault: row.fault,
