@@ -11,11 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from shared.battery import POWER_SUPPLIES, read_battery, read_text
 from shared.messages import MOST_WORDS, DapState
 from shared.sender import Sender
 from shared.units import NS_PER_S
 
-POWER = Path("/sys/class/power_supply")
 THERMAL = Path("/sys/class/thermal")
 PERIOD_NS = 10 * NS_PER_S
 PLAUSIBLE_C = (-60.0, 250.0)
@@ -29,18 +29,19 @@ class Box(NamedTuple):
     temperature_c: float | None
 
 
-def look_at_box(power: Path = POWER, thermal: Path = THERMAL) -> Box:
+def look_at_box(power: Path = POWER_SUPPLIES, thermal: Path = THERMAL) -> Box:
     """Return what Linux shows of the box: of several batteries the fullest, of zones the hottest.
 
     A driver that answers nothing, or nonsense, is passed over.
     """
-    batteries = (supply for supply in power.glob("*") if _text(supply / "type") == "Battery")
-    percent = _numbers(battery / "capacity" for battery in batteries)
-    share = max((each / 100.0 for each in percent if 0.0 <= each <= 100.0), default=None)
+    battery = read_battery(power)
     millidegrees = _numbers(thermal.glob("thermal_zone*/temp"))
     degrees_c = (each / 1000.0 for each in millidegrees)
     coldest_c, hottest_c = PLAUSIBLE_C
-    return Box(share, max((c for c in degrees_c if coldest_c <= c <= hottest_c), default=None))
+    return Box(
+        None if battery is None else battery.battery,
+        max((c for c in degrees_c if coldest_c <= c <= hottest_c), default=None),
+    )
 
 
 class BoxDesk:
@@ -74,13 +75,7 @@ class BoxDesk:
         )
 
 
-def _text(path: Path) -> str:
-    with suppress(OSError, UnicodeDecodeError):
-        return path.read_text().strip()
-    return ""
-
-
 def _numbers(paths: Iterator[Path]) -> Iterator[float]:
     for path in paths:
         with suppress(ValueError):
-            yield float(_text(path))
+            yield float(read_text(path))

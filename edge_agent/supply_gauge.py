@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 import structlog
 
+from shared.battery import POWER_SUPPLIES, read_battery
 from shared.messages import Supplies
 
-POWER_SUPPLIES = Path("/sys/class/power_supply")
 LOOK_PERIOD_S = 5.0
 STALE_S = 60.0
 """What a file says counts for so long after it was written."""
@@ -64,38 +64,6 @@ class SupplyGauge:
         self._complaint = kind
 
 
-def read_battery(folder: Path) -> Supplies | None:
-    """Return what the fullest battery under ``folder``, as Linux has it, tells; ``None`` if none.
-
-    Batteries of a mouse or the like (scope ``Device``) are passed over.
-    """
-    found = [
-        told
-        for path in (sorted(folder.iterdir()) if folder.is_dir() else [])
-        if _word(path / "type") == "Battery"
-        and _word(path / "scope") != "Device"
-        and (told := _read_one(path)) is not None
-    ]
-    return max(found, key=lambda each: each.battery or 0.0, default=None)
-
-
-def _read_one(path: Path) -> Supplies | None:
-    percent = _number(path / "capacity")
-    if percent is None:
-        for kind in ("energy", "charge"):
-            now, full = _number(path / f"{kind}_now"), _number(path / f"{kind}_full")
-            if now is not None and full:
-                percent = 100.0 * now / full
-    tenths_c = _number(path / "temp")
-    if percent is None:
-        return None
-    return Supplies(
-        battery=min(max(percent / 100.0, 0.0), 1.0),
-        charging=_word(path / "status") in ("Charging", "Full", "Not charging"),
-        temperature_c=None if tenths_c is None else min(max(tenths_c / 10.0, -273.0), 1000.0),
-    )
-
-
 def _joined(battery: Supplies, told: Supplies | None) -> Supplies:
     """Return what both say; of the battery, what was told by others counts."""
     if told is None:
@@ -105,17 +73,3 @@ def _joined(battery: Supplies, told: Supplies | None) -> Supplies:
     if told.temperature_c is None:
         told = msgspec.structs.replace(told, temperature_c=battery.temperature_c)
     return told
-
-
-def _word(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace").strip()
-    except OSError:
-        return ""
-
-
-def _number(path: Path) -> float | None:
-    try:
-        return float(int(_word(path)))
-    except ValueError:
-        return None

@@ -8,7 +8,8 @@ import pytest
 
 from command_post.alert_desk import SILENT_NS, AlertDesk, Node
 from command_post.supplies import SupplyWatch, short_of, why_silent
-from edge_agent.supply_gauge import SupplyGauge, read_battery
+from edge_agent.supply_gauge import SupplyGauge
+from shared.battery import read_battery
 from shared.messages import Alert, Beat, DapInstallation, DapState, LocalPosition, Supplies
 from shared.units import NS_PER_S
 
