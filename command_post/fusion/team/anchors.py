@@ -97,10 +97,11 @@ def anchors_of(
 ) -> Anchors:  # fmt: skip
     """Return the crew as it was solved at ``time_ns``, for commits to come to begin from.
 
-    Whose heading is not known is anchored only once their way is longer than the horizon.
+    Whose heading is not known, for now perhaps, is anchored only once their way begins so long ago
+    that it is to be forgotten.
     """
     starts: dict[str, Start] = {}
-    long_ago_ns = time_ns - round(settings.horizon_s * NS_PER_S)
+    long_ago_ns = forgotten_ns(time_ns, settings)
     for index, chain in enumerate(solved.assembled.chains):
         told = solved.tells_turn(index, settings)
         is_sharp = solved.ends[index, 3] < settings.recovered_turn_sd_rad**2
