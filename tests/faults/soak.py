@@ -143,7 +143,7 @@ def soak(folder: Path, hours: float, speed: float) -> bool:
     ended, codes = nodes.ended(), nodes.stop()
     growth = {name: grown(held) for name, held in series.items()}
     risen = {name: rise(each) for name, each in since_full.items() if len(each) > 2}
-    is_flat = not any(each["descriptors"] or each["threads"] for each in growth.values())
+    is_flat = not any(max(each["descriptors"], each["threads"]) > 0 for each in growth.values())
     is_flat &= all(each.mb_an_hour < MOST_GROWTH * each.mean_mb for each in risen.values())
     recorded_mb = sum(each.stat().st_size for each in files_of(folder / "soak.mcap").values()) / 1e6
     risen_mb = {name: each._asdict() for name, each in risen.items()}
