@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from command_post.fusion.team.anchors import after, last_and_after
+from command_post.fusion.team.anchors import after, heard_after, last_and_after
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.solution import Anchors
 
@@ -16,14 +16,11 @@ def forget(log: TeamLog, anchors: Anchors, since_ns: int) -> None:
     for name, own in log.responders.items():
         start = anchors.starts.get(name)
         until_ns = since_ns if start is None else anchors.until_ns[name]
-        own.peaks = after(own.peaks, until_ns)
-        own.nears = after(own.nears, until_ns)
-        own.contacts = after(own.contacts, until_ns)
-        own.fixes = after(own.fixes, until_ns)
-        own.heights = after(own.heights, until_ns)
+        kept = heard_after(own, until_ns)
         if start is not None:
-            own.starts = after(own.starts, until_ns)
-            own.moves.forget(start.time_ns)
+            kept.starts = after(own.starts, until_ns)
+            kept.moves.forget(start.time_ns)
+        log.responders[name] = kept
     for dap_id, said in log.daps.items():
         # That it was set down first says whether anybody is tied to who did that.
         first = next((at for at, each in enumerate(said) if not each.is_taken_up), len(said)) + 1
