@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import NamedTuple
 
 from msgspec import structs
 
 from command_post.alert_desk import AlertDesk, Known
 from command_post.announcer import Announcer, Outgoing
-from command_post.both_ways import BothWays, Side
 from command_post.box_words import box_words
 from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
@@ -23,10 +21,12 @@ from command_post.fusion.interface import Afterwards, Doubt
 from command_post.fusion.methods import make_fusion
 from command_post.fusion.time_line import Event, TimeLine
 from command_post.fusion.track import Estimate
+from command_post.handing_over import HandingOver
 from command_post.incident_settings import IncidentSettings
 from command_post.lateness import Lateness
 from command_post.mayday_answers import MaydayAnswers
 from command_post.node_clock import KnownClock
+from command_post.notices import Notice, Notices, named_in
 from command_post.orders import Orders
 from command_post.senders import Senders
 from command_post.teams import TeamWatch
@@ -61,15 +61,12 @@ from shared.messages import (
     TrackStart,
 )
 from shared.seal import Seal, read_seal
-from shared.topics import TOPICS, Key, Role, check_id
+from shared.topics import TOPICS, Key, Role
 
-__all__ = ["MOST_NODES", "Incident", "IncidentSettings", "Notice"]
+__all__ = ["MOST_NODES", "Incident", "IncidentSettings"]
 
 MOST_NODES = 4096
 MOST_KEYS_KNOWN = 16_384
-MOST_REFUSAL_KINDS = 4096
-MOST_DETAIL = 200
-UNNAMED = "?"
 START_ID = "start"
 """Under whose name stands in the record what was given as the post was started."""
 
@@ -88,14 +85,6 @@ _FUSED = frozenset(
 _SAID: dict[type[Message], str] = {Order: "order", Receipt: "receipt", StationTable: "stations"}
 
 
-class Notice(NamedTuple):
-    """What is to be told once of a node: a kind of refusal, or what is wrong with it."""
-
-    reason: str
-    node_id: str
-    detail: str
-
-
 class Incident:
     """Decodes what is heard, orders it, fuses it, and says what comes of it.
 
@@ -110,11 +99,7 @@ class Incident:
     def __init__(self, settings: IncidentSettings, *, keeps_all: bool = True) -> None:
         """Unless it ``keeps_all`` it forgets what is of no use live, and knows less afterwards."""
         self.settings = settings
-        self.refusals: Counter[tuple[str, str]] = Counter()
-        self.refused = 0
-        """How much was not taken in all."""
-
-        self._notices: list[Notice] = []
+        self._notices = Notices()
         self._keys: dict[str, Key] = {}
         self._heard_ns: dict[tuple[Role, str], int] = {}
         self._told = Told()
@@ -127,12 +112,11 @@ class Incident:
         self._lateness = Lateness(settings.fusion, keeps_all=keeps_all)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
-        self._both_ways = BothWays()
+        self._handing_over = HandingOver(self._tracker)
         self._doubted: set[tuple[str, Role, str]] = set()
         self._doubts: tuple[Doubt, ...] = ()
         self._announcer = Announcer(settings.incident, settings.post_id)
         self._dap_places: dict[str, Outgoing] = {}
-        self._nowhere: dict[str, str] = {}
         self.origin: Outgoing | None = None
         """Where on the Earth the incident is, as it was said last."""
 
@@ -193,6 +177,16 @@ class Incident:
         return self._alerts.alerts
 
     @property
+    def refusals(self) -> Counter[tuple[str, str]]:
+        """How much of what was not taken, per reason and node."""
+        return self._notices.refusals
+
+    @property
+    def refused(self) -> int:
+        """How much was not taken in all."""
+        return self._notices.refused
+
+    @property
     def counts(self) -> Counter[str]:
         """What was dropped, late, guessed or without effect; see ``TimeLine`` and ``Tracker``.
 
@@ -203,7 +197,7 @@ class Incident:
         own = Counter(
             moved_in_time=self._dating.moved_in_time,
             begun_anew=self._senders.begun_anew,
-            told_by_both=self._both_ways.repeated,
+            told_by_both=self._handing_over.told_by_both,
             too_late=self._lateness.count,
         )
         return self._time_line.counts + self._tracker.counts + own
@@ -226,8 +220,8 @@ class Incident:
     def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
         silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
         words = [*box_words(self._told.boxes.get(dap_id), silent_ns)]
-        if dap_id in self._nowhere and dap_id not in self._tracker.daps:
-            words.append(self._nowhere[dap_id])
+        if dap_id in self._handing_over.nowhere and dap_id not in self._tracker.daps:
+            words.append(self._handing_over.nowhere[dap_id])
         return words
 
     def clock(self, role: Role, node_id: str) -> KnownClock | None:
@@ -236,8 +230,7 @@ class Incident:
 
     def take_notices(self) -> list[Notice]:
         """Return what is to be told for the first time since this was last asked."""
-        taken, self._notices = self._notices, []
-        return taken
+        return self._notices.take()
 
     def handle(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
         """Take in bytes received under ``key`` at ``now_ns``; return what is to be published.
@@ -250,11 +243,13 @@ class Incident:
         made = self.pass_time(now_ns)
         parsed = self._parsed(key)
         if isinstance(parsed, Refusal):
-            self._refuse(parsed.reason, _node_of(key), parsed.detail)
+            self._notices.refuse(parsed.reason, named_in(key), parsed.detail)
         elif parsed.role != "post":
             made += self._take(parsed, payload, now_ns)
         elif self._is_own(parsed):
-            self._refuse("not_the_post", parsed.node_id, "somebody else uses this post's keys")
+            self._notices.refuse(
+                "not_the_post", parsed.node_id, "somebody else uses this post's keys"
+            )
         else:
             made += self._take_from_post(parsed, payload, now_ns)
         return made + self.pass_time(now_ns)
@@ -314,7 +309,7 @@ class Incident:
     def _take_from_post(self, key: Key, payload: bytes, now_ns: int) -> list[Outgoing]:
         message = decode(key, payload)
         if isinstance(message, Refusal):
-            self._refuse(message.reason, key.node_id, message.detail)
+            self._notices.refuse(message.reason, key.node_id, message.detail)
         elif key.incident == self.settings.incident:
             if isinstance(message, OrderRequest):
                 return self._order(key.node_id, message, now_ns)
@@ -361,15 +356,15 @@ class Incident:
         """Take in what a node says; return what is alerted to at once."""
         message = decode(key, payload)
         if isinstance(message, Refusal):
-            self._refuse(message.reason, key.node_id, message.detail)
+            self._notices.refuse(message.reason, key.node_id, message.detail)
             return []
         node = (key.role, key.node_id)
         if key.incident != self.settings.incident:
-            self._refuse("foreign_incident", key.node_id, f"of {key.incident!r}")
+            self._notices.refuse("foreign_incident", key.node_id, f"of {key.incident!r}")
         elif not _is_ones_own(key, message):
-            self._refuse("not_ones_own", key.node_id, "tells where somebody else is")
+            self._notices.refuse("not_ones_own", key.node_id, "tells where somebody else is")
         elif node not in self._heard_ns and len(self._heard_ns) >= MOST_NODES:
-            self._refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
+            self._notices.refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
         else:
             if key.role == "responder" and node not in self._heard_ns:
                 self._orders.meet(key.node_id)
@@ -382,10 +377,10 @@ class Incident:
     def _take_dated(self, key: Key, message: Message, now_ns: int, seal: Seal | None) -> None:
         """Take in what a node of this incident says, and when that was on the post's clock."""
         for found in self._senders.hear(key, message, now_ns, seal):
-            self._notices.append(Notice(found.kind, key.node_id, f"{key.role}: {found.words}"))
+            self._notices.tell(found.kind, key.node_id, f"{key.role}: {found.words}")
         if isinstance(message, DapInstallation) and (why := why_nowhere(message)) is not None:
             reason = "at_rest" if message.at_rest else "taken_up"
-            self._notices.append(Notice(reason, key.node_id, f"dap: {why}"))
+            self._notices.tell(reason, key.node_id, f"dap: {why}")
         self._told.take(key.role, key.node_id, message, now_ns)
         if isinstance(message, OrderReply) and message.post_id == self.settings.post_id:
             self._orders.take(key.node_id, message)
@@ -405,17 +400,7 @@ class Incident:
             self._time_line.put(admitted, now_ns)
         elif self._lateness.is_first(event):
             detail = f"{event.key.role}: {self._lateness.words}"
-            self._notices.append(Notice("too_late", event.key.node_id, detail))
-
-    def _refuse(self, reason: str, node_id: str, detail: str) -> None:
-        self.refused += 1
-        kind = (reason, node_id)
-        if kind not in self.refusals:
-            if len(self.refusals) >= MOST_REFUSAL_KINDS:
-                kind = (reason, UNNAMED)
-            if kind not in self.refusals:
-                self._notices.append(Notice(*kind, detail[:MOST_DETAIL]))
-        self.refusals[kind] += 1
+            self._notices.tell("too_late", event.key.node_id, detail)
 
     def _fuse(self, events: list[Event]) -> list[Outgoing]:
         return [outgoing for event in events for outgoing in self._outcome(event)]
@@ -451,44 +436,14 @@ class Incident:
             if kind not in self._doubted:
                 self._doubted.add(kind)
                 detail = f"{doubt.role}: {doubt.words} ({doubt.certainty:.0%} certain)"
-                self._notices.append(Notice(f"doubt_{doubt.kind}", doubt.node_id, detail))
+                self._notices.tell(f"doubt_{doubt.kind}", doubt.node_id, detail)
         known = [Known(one.kind, one.role, one.node_id, one.words) for one in self._doubts]
         return self._alerted(self._alerts.doubt(known, time_ns))
 
     def _give(self, node_id: str, message: Message) -> None:
-        match message:
-            case TrackStart() as start:
-                self._tracker.start(node_id, start)
-            case OdometryIncrement() as increment:
-                self._tracker.move(node_id, increment)
-            case ProximityEvent() as near:
-                self._tracker.near(node_id, near)
-            case RssiPeak() as peak:
-                self._pass("dap", node_id, peak)
-            case DapPeak() as peak:
-                self._pass("responder", peak.dap_id, _from_the_dap(node_id, peak))
-            case Contact() as contact:
-                self._tracker.contact(node_id, contact)
-            case PositionFix() as fix:
-                self._tracker.fix(fix)
-            case HeightFix() as height:
-                self._tracker.height_fix(height)
-            case DapInstallation() as said:
-                self._tracker.install(node_id, said)
-                self._note_place(node_id, said)
-
-    def _note_place(self, dap_id: str, said: DapInstallation) -> None:
-        why = why_nowhere(said)
-        if why is None:
-            self._nowhere.pop(dap_id, None)
-        elif dap_id not in self._tracker.daps:
-            self._nowhere[dap_id] = why
-            self._dap_places.pop(dap_id, None)
-
-    def _pass(self, side: Side, dap_id: str, peak: RssiPeak) -> None:
-        """Let the tracker have a pass of a DAP, of whichever side tells of it first."""
-        if not self._both_ways.is_told(side, dap_id, peak.responder_id, peak.event_time_ns):
-            self._tracker.peak(dap_id, peak)
+        self._handing_over.give(node_id, message)
+        if isinstance(message, DapInstallation) and node_id in self._handing_over.nowhere:
+            self._dap_places.pop(node_id, None)
 
 
 def _is_ones_own(key: Key, message: Message) -> bool:
@@ -500,20 +455,3 @@ def _is_ones_own(key: Key, message: Message) -> bool:
             return (message.node, message.node_id) == (key.role, key.node_id)
         case _:
             return True
-
-
-def _from_the_dap(responder_id: str, peak: DapPeak) -> RssiPeak:
-    """Return what the DAP would have said of a pass that the responder's unit tells of."""
-    return RssiPeak(
-        event_time_ns=peak.event_time_ns, sequence=peak.sequence, responder_id=responder_id,
-        peak_dbm=peak.peak_dbm, width_s=peak.width_s, sample_count=peak.sample_count,
-    )  # fmt: skip
-
-
-def _node_of(key_text: str) -> str:
-    """Return the node that a key which is not ours still names, if it is a name at all."""
-    chunks = key_text.split("/")
-    try:
-        return check_id(chunks[4], "node") if len(chunks) > 4 else UNNAMED
-    except ValueError:
-        return UNNAMED

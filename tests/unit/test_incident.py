@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from command_post import incident as incident_module
+from command_post import notices
 from command_post.announcer import Outgoing
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
-from command_post.incident import START_ID, Incident, IncidentSettings, Notice
+from command_post.incident import START_ID, Incident, IncidentSettings
+from command_post.notices import Notice
 from shared.codec import decode, encode, parse_key
 from shared.geodesy import Origin
 from shared.messages import (
@@ -209,7 +211,7 @@ def test_nodes_beyond_the_limit_are_refused(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_kinds_of_refusal_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(incident_module, "MOST_REFUSAL_KINDS", 2)
+    monkeypatch.setattr(notices, "MOST_REFUSAL_KINDS", 2)
     incident = Incident(IncidentSettings())
     for k in range(5):
         incident.handle(f"clew/v1/exercise/responder/r{k}/imu", b"", at_ns(0.0))
