@@ -19,6 +19,7 @@ from command_post.fusion.cloud.regions import (
     regions,
     weight_within,
 )
+from command_post.fusion.track import MOST_COORDINATE_M
 from shared.messages import Outline
 
 Floats = NDArray[np.float64]
@@ -139,3 +140,10 @@ def test_a_cloud_in_one_place_is_no_outline() -> None:
 def test_the_same_cloud_has_the_same_outlines() -> None:
     mixture = MIXTURES["corridors"][0]
     assert told(spawn(mixture, 1000, Key(3, 4))) == told(spawn(mixture, 1000, Key(3, 4)))
+
+
+def test_no_region_goes_off_the_map() -> None:
+    edge_m = MOST_COORDINATE_M
+    mixture = peaks([1, 1], np.array([[edge_m, 0], [edge_m - 30, 0]]), np.array([2.0, 2.0]))
+    found = told(spawn(mixture, 1000, Key(1, 2)))
+    assert max(north_m for ring in found for north_m, _ in ring) == edge_m

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from command_post.fusion.cloud.cloud import Cloud, Moments, places
 from command_post.fusion.cloud.outlines import outline, twice_area
+from command_post.fusion.track import MOST_COORDINATE_M
 from shared.compiled import compiled
 from shared.messages import Outline
 
@@ -66,7 +67,8 @@ def regions(cloud: Cloud, told: Moments) -> tuple[Outline, ...]:
     if like_one and _area_m2(density, place, weights) > _FILLED_SHARE * ellipse_m2:
         return ()
     found = _smallest(density, place, weights, told.effective_count)
-    return tuple(tuple((north, east) for north, east in ring.tolist()) for ring in found)
+    on_map = [ring.clip(-MOST_COORDINATE_M, MOST_COORDINATE_M) for ring in found]
+    return tuple(tuple((north, east) for north, east in ring.tolist()) for ring in on_map)
 
 
 def _smallest(
