@@ -54,8 +54,9 @@ def test_a_dap_on_ones_own_floor_pulls() -> None:
     assert east_after_a_pass(0.0) > 2.0
 
 
-def test_a_dap_on_another_floor_does_not() -> None:
-    assert east_after_a_pass(1.0) == pytest.approx(0.0, abs=0.6)
+def test_a_dap_on_another_floor_pulls_little_and_one_beyond_that_does_not() -> None:
+    assert east_after_a_pass(1.0) < 0.25 * east_after_a_pass(0.0)
+    assert east_after_a_pass(1.5) == pytest.approx(0.0, abs=0.1)
 
 
 def test_the_higher_the_less() -> None:
