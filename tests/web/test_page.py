@@ -83,6 +83,12 @@ def _opened(browser: Browser, url: str, size: tuple[int, int]) -> tuple[Page, Wa
     return page, watched
 
 
+SHOWN = """() => [...document.querySelectorAll("button, [role=tab]")]
+  .filter((one) => one.checkVisibility())
+  .map((one) => [one.innerText, one.ariaLabel, one.getBoundingClientRect().toJSON()])"""
+"""What can be pressed, all at one moment: rows come and go."""
+
+
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 def test_all_is_in_its_place_and_nobody_else_is_asked(
     running: Running, browser: Browser, size: tuple[int, int]
@@ -90,12 +96,10 @@ def test_all_is_in_its_place_and_nobody_else_is_asked(
     page, watched = _opened(browser, running.url, size)
     assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
     boxes = {}
-    for button in page.locator("button:visible, [role=tab]:visible").all():
-        box = button.bounding_box()
-        assert box is not None
+    for text, label, box in page.evaluate(SHOWN):
         assert box["height"] >= 40
-        assert button.text_content() or button.get_attribute("aria-label")
-        boxes[button.inner_text()] = box
+        assert text or label
+        boxes[text] = box
     for (one, a), (other, b) in combinations(boxes.items(), 2):
         apart = (
             a["x"] + a["width"] <= b["x"] + 1
