@@ -11,8 +11,8 @@ import structlog
 from cyclopts import Parameter, validators
 from rich.console import Console
 
-from shared.bus.inbox import Inbox
-from shared.bus.interface import Bus, Received
+from command_post.commands.answers import POLL_S, answered
+from shared.bus.interface import Bus
 from shared.bus.zenoh_bus import open_zenoh
 from shared.codec import Refusal, decode, parse_key
 from shared.config import checked
@@ -37,10 +37,8 @@ from shared.sender import Sender, Unkept
 from shared.topics import alive_key, check_id
 
 FIND_POST_S = 5.0
-POLL_S = 0.05
 ANSWER_S = 5.0
 ASK_PERIOD_S = 0.5
-MOST_ANSWERS = 64
 NS_PER_MS = 1_000_000
 
 Deviation = Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))]
@@ -298,18 +296,12 @@ def _await_installation(bus: Bus, told: Message, sender: Sender, gate: Gate) -> 
 
 def _await_answer(bus: Bus, request: Message, sender: Sender, gate: Gate) -> int:
     """Send a request, and say what the post answers."""
-    answers: Inbox[Received] = Inbox(MOST_ANSWERS)
-    bus.subscribe(sender.key(OrderAnswer, "*"), answers.put)
-    sender.send(request)
-    give_up_s = time.monotonic() + ANSWER_S
-    while time.monotonic() < give_up_s:
-        for received in answers.get_all(POLL_S):
-            key = parse_key(received.key)
-            if isinstance(key, Refusal) or gate.admit(*received) is not None:
-                continue
-            answer = decode(key, received.payload)
-            if isinstance(answer, OrderAnswer) and _answers(answer, sender.node_id, request):
-                return _say_answer(answer)
+    answer = answered(
+        bus, request, sender, gate, OrderAnswer, ANSWER_S,
+        lambda _, answer: _answers(answer, sender.node_id, request),
+    )  # fmt: skip
+    if answer is not None:
+        return _say_answer(answer)
     _log.error(
         "the post does not answer: it cannot be reached, or its disk does not keep the order; see"
         " its log, and whether the order is in its table"

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from typing import Literal
 
 import structlog
 
 from command_post.commands import orders
-from command_post.commands.orders import POLL_S, Dialled, Sayer, SayerId, say
-from shared.bus.inbox import Inbox
-from shared.bus.interface import Bus, Received
-from shared.codec import Refusal, decode, parse_key
+from command_post.commands.answers import answered
+from command_post.commands.orders import Dialled, Sayer, SayerId, say
+from shared.bus.interface import Bus
 from shared.gate import Gate
 from shared.geodesy import parse_origin
 from shared.messages import Message, OriginSet
 from shared.process import ExitCode
 from shared.security.opening import Insecure, Keys
 from shared.sender import Sender
-
-MOST_ANSWERS = 64
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -74,22 +70,15 @@ def origin(
 
 def _await_statement(bus: Bus, asked: Message, sender: Sender, gate: Gate) -> int:
     """Send it, and wait until the post says that this is where the incident is."""
-    statements: Inbox[Received] = Inbox(MOST_ANSWERS)
-    bus.subscribe(sender.key(OriginSet, "*"), statements.put)
-    sender.send(asked)
-    give_up_s = time.monotonic() + orders.ANSWER_S
-    while time.monotonic() < give_up_s:
-        for received in statements.get_all(POLL_S):
-            key = parse_key(received.key)
-            if isinstance(key, Refusal) or key.node_id == sender.node_id:
-                continue
-            if gate.admit(*received) is None and _says_so(decode(key, received.payload), asked):
-                return ExitCode.OK
+    said = answered(
+        bus, asked, sender, gate, OriginSet, orders.ANSWER_S,
+        lambda key, said: key.node_id != sender.node_id and _says_so(said, asked),
+    )  # fmt: skip
+    if said is not None:
+        return ExitCode.OK
     _log.error("the post does not answer; see its log")
     return ExitCode.FAILURE
 
 
-def _says_so(said: Message | Refusal, asked: Message) -> bool:
-    if not (isinstance(said, OriginSet) and isinstance(asked, OriginSet)):
-        return False
-    return said.where == asked.where
+def _says_so(said: OriginSet, asked: Message) -> bool:
+    return isinstance(asked, OriginSet) and said.where == asked.where
