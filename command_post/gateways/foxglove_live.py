@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import structlog
 
+from command_post.gateways.at_work import at_work
 from command_post.gateways.foxglove import Drawing, FoxgloveBoard
 from command_post.gateways.foxglove_schemas import (
     Drawable,
@@ -164,10 +165,5 @@ def foxglove_served(
         yield None
         return
     door = FoxgloveDoor(address, incident, origin)
-    thread = threading.Thread(target=door.run, name="foxglove")
-    thread.start()
-    try:
+    with at_work(door, "foxglove"):
         yield door
-    finally:
-        door.stop()
-        thread.join()

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 
 import structlog
 
+from command_post.gateways.at_work import at_work
 from command_post.gateways.cot import LONGEST_EVENT_BYTES, Heard
 from command_post.gateways.cot_stream import EventStream, OutsideWords
 from command_post.gateways.tak_board import TakBoard
@@ -193,13 +194,8 @@ def linked_to_tak(
         yield None
         return
     link = TakLink(server, incident, origin)
-    thread = threading.Thread(target=link.run, name="tak")
-    thread.start()
-    try:
+    with at_work(link, "tak"):
         yield link
-    finally:
-        link.stop()
-        thread.join()
 
 
 def _configuration(server: TakServer) -> object:
