@@ -158,10 +158,12 @@ def _build(
     settings: TeamSettings,
 ) -> Assembled:
     nodes, first = _nodes(chains, ties, fixes, settings)
-    node_of = [
-        {int(stance): int(first[index]) + at for at, stance in enumerate(of_chain)}
-        for index, of_chain in enumerate(nodes)
+    begins = [
+        (index, chain.begin_of(unit))
+        for index, chain in enumerate(chains)
+        for unit in range(len(chain.starts))
     ]
+    starts = [start for chain in chains for start in chain.starts]
     unit_first = np.concatenate([[0], np.cumsum([len(chain.starts) for chain in chains])])
     units = int(unit_first[-1])
     places = sorted({tie.place for tie in ties} | known.keys())
@@ -173,37 +175,29 @@ def _build(
     ]
     move = np.concatenate([rows for rows, _ in moves])
     move_at = np.concatenate([at for _, at in moves])
-    tie_at = np.array(
-        [
-            (
-                node_of[tie.chain][tie.stance],
-                column[tie.place],
-                0,
-                FIRST_UNIT + 2 * int(unit_first[tie.chain] + chains[tie.chain].unit[tie.stance]),
-            )
-            for tie in ties
-        ],
-        np.int64,
-    ).reshape(-1, 4)
+    tied = [(tie.chain, tie.stance) for tie in ties]
+    tie_at = np.column_stack([
+        _node_of(chains, nodes, tied),
+        np.array([column[tie.place] for tie in ties], np.int64),
+        np.zeros(len(ties), np.int64),
+        FIRST_UNIT + 2 * _unit_of(chains, unit_first, tied),
+    ])  # fmt: skip
     arrow_size = FIRST_UNIT + 2 * (units + len(places))
     columns, columns_first, width = with_columns(first, move_at, tie_at, arrow_size)
     straight, straight_at = _straights(chains, nodes, belief, settings)
-    turns = [
+    turn = [
         (
-            node_of[index][chain.begin_of(unit)],
             start.turn_rad,
-            start.heading_sd_rad if turn_known(start) else UNKNOWN_TURN_SD_RAD,
+            max(start.heading_sd_rad if turn_known(start) else UNKNOWN_TURN_SD_RAD, 1e-3),
         )
-        for index, chain in enumerate(chains)
-        for unit, start in enumerate(chain.starts)
+        for start in starts
     ]
     graph = Graph(
         first, columns, columns_first, width, move, move_at,
         _tie_rows(chains, ties), tie_at,
         np.array([fix.row for fix in fixes]).reshape(-1, 6),
-        np.array([node_of[fix.chain][fix.stance] for fix in fixes], np.int64),
-        np.array([(turn_rad, max(sd_rad, 1e-3)) for _, turn_rad, sd_rad in turns]).reshape(-1, 2),
-        np.array([node for node, _, _ in turns], np.int64),
+        _node_of(chains, nodes, [(fix.chain, fix.stance) for fix in fixes]),
+        np.array(turn).reshape(-1, 2), _node_of(chains, nodes, begins),
         straight, straight_at,
         np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
         unit_sd(chains, settings), np.array([belief.axis_rad, belief.sd_rad]),
@@ -242,6 +236,21 @@ def _nodes(
         for chain, stances in zip(chains, wanted, strict=True)
     ]
     return nodes, np.concatenate([[0], np.cumsum([len(each) for each in nodes])])
+
+
+def _node_of(chains: list[Chain], nodes: list[Ints], at: list[tuple[int, int]]) -> Ints:
+    """Return the nodes that are these chains' stances, which must be nodes."""
+    chain, stance = np.array(at, np.int64).reshape(-1, 2).T
+    first = np.concatenate([[0], np.cumsum([each.time_ns.size for each in chains])])
+    every = np.concatenate([first[index] + of_chain for index, of_chain in enumerate(nodes)])
+    return np.searchsorted(every, first[chain] + stance)
+
+
+def _unit_of(chains: list[Chain], unit_first: Ints, at: list[tuple[int, int]]) -> Ints:
+    """Return which unit of all, chain after chain, is worn at these chains' stances."""
+    return np.array(
+        [unit_first[chain] + chains[chain].unit[stance] for chain, stance in at], np.int64
+    )
 
 
 def _tie_rows(chains: list[Chain], ties: list[Tie]) -> Floats:

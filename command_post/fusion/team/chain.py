@@ -76,7 +76,7 @@ class Chain(NamedTuple):
 
         Between two stances the body goes on evenly while the move lasts, and stands before it.
         """
-        after = int(np.searchsorted(self.time_ns, time_ns))
+        after = int(self.time_ns.searchsorted(time_ns))
         if after == 0:
             return 0, 0.0, 0.0
         if after == self.time_ns.size:

@@ -79,7 +79,12 @@ def eliminate(graph: Graph, system: System) -> None:
                     share[row, column] = (
                         i0 * wing[0, column] + i1 * wing[1, column] + i2 * wing[2, column]
                     )
-            y = _times(inverse, system.right[a].reshape(3, 1))[:, 0]
+            r0, r1, r2 = system.right[a]
+            y = (
+                inverse[0, 0] * r0 + inverse[0, 1] * r1 + inverse[0, 2] * r2,
+                inverse[1, 0] * r0 + inverse[1, 1] * r1 + inverse[1, 2] * r2,
+                inverse[2, 0] * r0 + inverse[2, 1] * r1 + inverse[2, 2] * r2,
+            )
             for row in range(width):
                 w0, w1, w2 = wing[0, row], wing[1, row], wing[2, row]
                 right[row] -= w0 * y[0] + w1 * y[1] + w2 * y[2]
@@ -98,7 +103,9 @@ def eliminate(graph: Graph, system: System) -> None:
 
 
 @compiled
-def _carry_on(graph: Graph, system: System, a: int, y: Floats, share: Floats) -> None:
+def _carry_on(
+    graph: Graph, system: System, a: int, y: tuple[float, float, float], share: Floats
+) -> None:
     """Take what node ``a`` knew over to the next node of its chain."""
     link = system.link[a]
     inverse = system.inverse[a]
@@ -141,22 +148,25 @@ def _go_back(
     graph: Graph, system: System, chain: int, arrow_change: Floats, change: Floats
 ) -> None:
     """Write a chain's rows of ``change`` (n, 3), from its last node to its first."""
-    rest = np.zeros(3)
     end = graph.first[chain + 1]
     for a in range(end - 1, graph.first[chain] - 1, -1):
         width = graph.width[a]
         wing = system.wing[system.wing_at[a] : system.wing_at[a + 1]].reshape(3, width)
-        for row in range(3):
-            total = system.right[a, row]
-            for column in range(width):
-                total -= wing[row, column] * arrow_change[column]
-            if a + 1 < end:
-                for k in range(3):
-                    total -= system.link[a, row, k] * change[a + 1, k]
-            rest[row] = total
+        # Three sums at once: each alone would wait for its last term at every one.
+        rest0, rest1, rest2 = system.right[a]
+        for column in range(width):
+            rest0 -= wing[0, column] * arrow_change[column]
+            rest1 -= wing[1, column] * arrow_change[column]
+            rest2 -= wing[2, column] * arrow_change[column]
+        if a + 1 < end:
+            link = system.link[a]
+            for k in range(3):
+                rest0 -= link[0, k] * change[a + 1, k]
+                rest1 -= link[1, k] * change[a + 1, k]
+                rest2 -= link[2, k] * change[a + 1, k]
         for row in range(3):
             i0, i1, i2 = system.inverse[a, row]
-            change[a, row] = i0 * rest[0] + i1 * rest[1] + i2 * rest[2]
+            change[a, row] = i0 * rest0 + i1 * rest1 + i2 * rest2
 
 
 @compiled
@@ -243,10 +253,8 @@ def _minus_times(g: Floats, own: Floats, width: int, product: Floats) -> None:
 def _times_transposed(one: Floats, other: Floats, width: int) -> Floats:
     """Return the product (3, 3) of the first columns of (3, ·) and those of (3, ·), transposed."""
     product = np.zeros((3, 3))
-    for row in range(3):
-        for column in range(3):
-            total = 0.0
-            for k in range(width):
-                total += one[row, k] * other[column, k]
-            product[row, column] = total
+    for k in range(width):
+        for row in range(3):
+            for column in range(3):
+                product[row, column] += one[row, k] * other[column, k]
     return product
