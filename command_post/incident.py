@@ -10,11 +10,10 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
-from msgspec import structs
-
-from command_post.alert_desk import AlertDesk, Known
+from command_post.alert_desk import Known
 from command_post.announcer import Announcer, Outgoing
 from command_post.box_words import box_words
+from command_post.command_desk import CommandDesk
 from command_post.dating import Dating
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Doubt
@@ -24,7 +23,6 @@ from command_post.fusion.track import Estimate
 from command_post.handing_over import HandingOver
 from command_post.incident_settings import IncidentSettings
 from command_post.lateness import Lateness
-from command_post.mayday_answers import MaydayAnswers
 from command_post.node_clock import KnownClock
 from command_post.notices import Notice, Notices, named_in
 from command_post.orders import Orders
@@ -35,28 +33,19 @@ from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
     AlarmKind,
     Alert,
-    AlertRequest,
     Contact,
     DapInstallation,
     DapPeak,
     HeightFix,
-    MaydayAnswer,
     Message,
     NodeHealth,
-    NodeId,
     OdometryIncrement,
     Order,
-    OrderAnswer,
-    OrderReply,
-    OrderRequest,
-    OriginSet,
-    OutsideWord,
     PositionFix,
     ProximityEvent,
     Receipt,
     RssiPeak,
     StationTable,
-    StrangerNoticed,
     Supplies,
     TrackStart,
 )
@@ -67,10 +56,6 @@ __all__ = ["MOST_NODES", "Incident", "IncidentSettings"]
 
 MOST_NODES = 4096
 MOST_KEYS_KNOWN = 16_384
-START_ID = "start"
-"""Under whose name stands in the record what was given as the post was started."""
-
-
 _FUSED = frozenset(
     name
     for name, topic in TOPICS.items()
@@ -103,9 +88,6 @@ class Incident:
         self._keys: dict[str, Key] = {}
         self._heard_ns: dict[tuple[Role, str], int] = {}
         self._told = Told()
-        self._orders = Orders()
-        self._alerts = AlertDesk(settings.hold_ns)
-        self._maydays = MaydayAnswers(self._alerts)
         self._teams = TeamWatch(settings.teams)
         self._senders = Senders(settings.hold_ns, settings.post_id)
         self._dating = Dating(self._senders)
@@ -116,9 +98,8 @@ class Incident:
         self._doubted: set[tuple[str, Role, str]] = set()
         self._doubts: tuple[Doubt, ...] = ()
         self._announcer = Announcer(settings.incident, settings.post_id)
+        self._desk = CommandDesk(settings, self._announcer)
         self._dap_places: dict[str, Outgoing] = {}
-        self.origin: Outgoing | None = None
-        """Where on the Earth the incident is, as it was said last."""
 
     @property
     def estimates(self) -> Mapping[str, Estimate]:
@@ -134,6 +115,11 @@ class Incident:
     def dap_places(self) -> Mapping[str, Outgoing]:
         """What was said last of where each DAP stands, by its id."""
         return MappingProxyType(self._dap_places)
+
+    @property
+    def origin(self) -> Outgoing | None:
+        """Where on the Earth the incident is, as it was said last."""
+        return self._desk.origin
 
     @property
     def standing(self) -> list[Outgoing]:
@@ -169,12 +155,12 @@ class Incident:
     @property
     def orders(self) -> Orders:
         """What has been ordered, and who has not acknowledged it."""
-        return self._orders
+        return self._desk.orders
 
     @property
     def alerts(self) -> Mapping[int, Alert]:
         """What the commander has been alerted to, by number; see ``AlertDesk``."""
-        return self._alerts.alerts
+        return self._desk.alerts
 
     @property
     def refusals(self) -> Counter[tuple[str, str]]:
@@ -263,14 +249,12 @@ class Incident:
         before_ns = self._lateness.forget_ns(now_ns)
         if before_ns is not None:
             self._tracker.forget(before_ns)
-        return made + self._alerted(self._alerts.pass_time(now_ns))
+        return made + self._desk.pass_time(now_ns)
 
     @property
     def due_ns(self) -> int | None:
         """When something is due next, were nothing heard until then."""
-        due_ns = [
-            each for each in (self._time_line.due_ns, self._alerts.due_ns) if each is not None
-        ]
+        due_ns = [each for each in (self._time_line.due_ns, self._desk.due_ns) if each is not None]
         return min(due_ns, default=None)
 
     def said(self, message: Order | Receipt | StationTable) -> Outgoing:
@@ -311,46 +295,11 @@ class Incident:
         if isinstance(message, Refusal):
             self._notices.refuse(message.reason, key.node_id, message.detail)
         elif key.incident == self.settings.incident:
-            if isinstance(message, OrderRequest):
-                return self._order(key.node_id, message, now_ns)
-            if isinstance(message, AlertRequest):
-                changed = self._alerts.request(key.node_id, message, now_ns)
-                return self._alerted(changed) + self._answered(self._maydays.after(changed, now_ns))
-            if isinstance(message, OutsideWord):
-                return self._alerted(self._alerts.hear_outside(message, now_ns))
-            if isinstance(message, OriginSet):
-                return self._place(key.node_id, message, now_ns)
-            if isinstance(message, StrangerNoticed):
-                return self._alerted(self._alerts.notice(message, now_ns))
             if key.topic in _FUSED:
                 self._put(Event(key, message, message.event_time_ns), now_ns)
+            known = [node_id for role, node_id in self._heard_ns if role == "responder"]
+            return self._desk.take(key.node_id, message, known, now_ns)
         return []
-
-    def _place(self, by: NodeId, message: OriginSet, now_ns: int) -> list[Outgoing]:
-        """Take in where on the Earth the incident is, and say so to everybody."""
-        if by == START_ID and self.origin is not None:
-            return []
-        number = self._announcer.next_sequence("origin")
-        said = structs.replace(message, event_time_ns=now_ns, sequence=number)
-        self.origin = self._announcer.outgoing(said, "origin")
-        return [self.origin]
-
-    def _order(self, commander_id: NodeId, request: OrderRequest, now_ns: int) -> list[Outgoing]:
-        """Do what a commander requests, and answer."""
-        known = {node_id for role, node_id in self._heard_ns if role == "responder"}
-        issued = self._orders.request(request, known, now_ns)
-        refusal = issued if isinstance(issued, str) else None
-        order, waited_for = (None, ()) if isinstance(issued, str) else issued
-        answer = OrderAnswer(
-            event_time_ns=now_ns,
-            sequence=self._announcer.next_sequence("order_answer"),
-            commander_id=commander_id,
-            request_sequence=request.sequence,
-            refusal=refusal,
-            waited_for=waited_for,
-        )
-        outgoing = [] if order is None else [self._announcer.outgoing(order, "order")]
-        return [*outgoing, self._announcer.outgoing(answer, "order_answer")]
 
     def _take(self, key: Key, payload: bytes, now_ns: int) -> list[Outgoing]:
         """Take in what a node says; return what is alerted to at once."""
@@ -367,11 +316,10 @@ class Incident:
             self._notices.refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
         else:
             if key.role == "responder" and node not in self._heard_ns:
-                self._orders.meet(key.node_id)
+                self._desk.orders.meet(key.node_id)
             self._heard_ns[node] = now_ns
             self._take_dated(key, message, now_ns, read_seal(payload))
-            alerted = self._alerted(self._alerts.hear(node, message, now_ns))
-            return alerted + self._answered(self._maydays.to(key.node_id, message, now_ns))
+            return self._desk.hear(node, message, now_ns)
         return []
 
     def _take_dated(self, key: Key, message: Message, now_ns: int, seal: Seal | None) -> None:
@@ -382,8 +330,6 @@ class Incident:
             reason = "at_rest" if message.at_rest else "taken_up"
             self._notices.tell(reason, key.node_id, f"dap: {why}")
         self._told.take(key.role, key.node_id, message, now_ns)
-        if isinstance(message, OrderReply) and message.post_id == self.settings.post_id:
-            self._orders.take(key.node_id, message)
         if key.role == "responder":
             time_ns = self._senders.time_ns(key.role, key.node_id, message.event_time_ns, seal)
             self._tracker.heard(key.node_id, min(time_ns, now_ns))
@@ -405,12 +351,6 @@ class Incident:
     def _fuse(self, events: list[Event]) -> list[Outgoing]:
         return [outgoing for event in events for outgoing in self._outcome(event)]
 
-    def _alerted(self, alerts: list[Alert]) -> list[Outgoing]:
-        return [self._announcer.alert(alert) for alert in alerts]
-
-    def _answered(self, answers: list[MaydayAnswer]) -> list[Outgoing]:
-        return [self._announcer.mayday_answer(answer) for answer in answers]
-
     def _outcome(self, event: Event) -> Iterator[Outgoing]:
         """Let the tracker have one event, and say what it changed."""
         self._give(event.key.node_id, event.dated)
@@ -419,7 +359,7 @@ class Incident:
         for responder_id, estimate in changes.estimates:
             yield self._announcer.track(responder_id, estimate)
             left = self._teams.take(responder_id, estimate)
-            yield from self._alerted(self._alerts.leave(left, event.dated.event_time_ns))
+            yield from self._desk.leave(left, event.dated.event_time_ns)
         for dap_id, dap in changes.daps:
             # The DAP knows its installation by the time that it gave itself.
             said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
@@ -438,7 +378,7 @@ class Incident:
                 detail = f"{doubt.role}: {doubt.words} ({doubt.certainty:.0%} certain)"
                 self._notices.tell(f"doubt_{doubt.kind}", doubt.node_id, detail)
         known = [Known(one.kind, one.role, one.node_id, one.words) for one in self._doubts]
-        return self._alerted(self._alerts.doubt(known, time_ns))
+        return self._desk.doubt(known, time_ns)
 
     def _give(self, node_id: str, message: Message) -> None:
         self._handing_over.give(node_id, message)

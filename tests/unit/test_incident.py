@@ -9,9 +9,10 @@ import pytest
 from command_post import incident as incident_module
 from command_post import notices
 from command_post.announcer import Outgoing
+from command_post.command_desk import START_ID
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
-from command_post.incident import START_ID, Incident, IncidentSettings
+from command_post.incident import Incident, IncidentSettings
 from command_post.notices import Notice
 from shared.codec import decode, encode, parse_key
 from shared.geodesy import Origin
