@@ -15,6 +15,10 @@ const TRAIL_ALPHA = 0.55;
 const FONT = "600 16px system-ui, sans-serif";
 const GRAVE = new Set(["mayday", "fall", "motionless", "low_air"]);
 const RING = 24;
+const MOST_PICTURED = 64;
+const MOST_REGIONS = 1000;
+const REGION_TURN_RAD = Math.PI / 90;
+const REGION_LINE = 1.5;
 
 export class CrowdLayer extends ol.layer.Layer {
   #model;
@@ -23,6 +27,7 @@ export class CrowdLayer extends ol.layer.Layer {
   #trails;
   #view = null;
   #symbols = new Map();
+  #regions = new Map();
   #labels = new Map();
   #labelled = new Set();
   #alerted = new Set();
@@ -53,6 +58,7 @@ export class CrowdLayer extends ol.layer.Layer {
     this.#colours = colours;
     this.#labels.clear();
     this.#symbols.clear();
+    this.#regions.clear();
     this.#trails.forget();
     this.changed();
   }
@@ -127,28 +133,47 @@ export class CrowdLayer extends ol.layer.Layer {
   }
 
   #drawRegions(pen, people, view) {
-    pen.lineWidth = 1.5;
     for (const { track, status, x, y, faint, colour } of people) {
-      pen.beginPath();
+      const look = { colour, faint, dash: status === "lost" ? [8, 6] : [] };
       if (track.regions_m.length) {
+        pen.beginPath();
         for (const outline of track.regions_m) {
           outline.forEach(([north, east], index) => (index ? pen.lineTo : pen.moveTo).apply(pen, view.at(north, east)));
           pen.closePath();
         }
-      } else {
-        const [longer, shorter] = track.axes95_m.map((axis) => Math.min(axis, WIDEST_M) / view.resolution);
-        if (x + longer < 0 || y + longer < 0 || x - longer > view.width || y - longer > view.height) continue;
-        pen.ellipse(x, y, longer, shorter, track.bearing_rad - Math.PI / 2, 0, 2 * Math.PI);
+        paintRegion(pen, look);
+        continue;
       }
-      pen.fillStyle = pen.strokeStyle = colour;
-      pen.globalAlpha = faint ? 0.03 : 0.14;
-      pen.fill();
-      pen.globalAlpha = faint ? 0.25 : 1;
-      pen.setLineDash(status === "lost" ? [8, 6] : []);
-      pen.stroke();
+      const axes = track.axes95_m.map((axis) => Math.min(axis, WIDEST_M) / view.resolution);
+      const turn = track.bearing_rad - Math.PI / 2;
+      if (x + axes[0] < 0 || y + axes[0] < 0 || x - axes[0] > view.width || y - axes[0] > view.height) continue;
+      if (axes[0] <= MOST_PICTURED) {
+        const { picture, reach } = this.#region(axes.map(Math.round), Math.round(turn / REGION_TURN_RAD), look, view.ratio);
+        pen.drawImage(picture, x - reach, y - reach, 2 * reach, 2 * reach);
+      } else {
+        pen.beginPath();
+        pen.ellipse(x, y, ...axes, turn, 0, 2 * Math.PI);
+        paintRegion(pen, look);
+      }
     }
-    pen.setLineDash([]);
-    pen.globalAlpha = 1;
+  }
+
+  /** A small ellipse as a picture, to half a pixel: two hundred paths take most of a frame's time. */
+  #region(axes, turn, look, ratio) {
+    const name = `${axes} ${turn} ${look.colour} ${look.faint} ${look.dash} ${ratio}`;
+    const known = this.#regions.get(name);
+    if (known) return known;
+    const reach = axes[0] + 2;
+    const picture = Object.assign(document.createElement("canvas"), { width: 2 * reach * ratio, height: 2 * reach * ratio });
+    const pen = picture.getContext("2d");
+    pen.setTransform(ratio, 0, 0, ratio, reach * ratio, reach * ratio);
+    pen.beginPath();
+    pen.ellipse(0, 0, ...axes, turn * REGION_TURN_RAD, 0, 2 * Math.PI);
+    paintRegion(pen, look);
+    if (this.#regions.size >= MOST_REGIONS) this.#regions.clear();
+    const made = { picture, reach };
+    this.#regions.set(name, made);
+    return made;
   }
 
   /** The last steps up to where somebody is. */
@@ -252,6 +277,18 @@ function viewOf(frame) {
   return { width, height, ratio, resolution, corner: [top, left],
     key: [left, top, resolution, width, height, ratio].join(" "),
     at: (north_m, east_m) => [(east_m - left) / resolution, (top - north_m) / resolution] };
+}
+
+/** Fill and outline the path that a pen has drawn, as a region is. */
+function paintRegion(pen, { colour, faint, dash }) {
+  Object.assign(pen, { fillStyle: colour, strokeStyle: colour, lineWidth: REGION_LINE });
+  pen.globalAlpha = faint ? 0.03 : 0.14;
+  pen.fill();
+  pen.globalAlpha = faint ? 0.25 : 1;
+  pen.setLineDash(dash);
+  pen.stroke();
+  pen.setLineDash([]);
+  pen.globalAlpha = 1;
 }
 
 /** A shape round a place, a corner to where it turns; a circle without `sides`. */

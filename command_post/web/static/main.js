@@ -15,7 +15,7 @@ const model = new Model();
 let me = {};
 let view = null;
 let chosenFloor = null;
-let due = { tracks: false, panels: false };
+let due = { tracks: false, panels: false, wasPutOff: false };
 let lostSince = null;
 let drawnFirst = false;
 let wayTimer = 0;
@@ -25,11 +25,14 @@ const seen = new Set();
 
 const may = (role) => RANKS[me.role] >= RANKS[role];
 
+/** Draw what is due: people, and the lists in the frame after, so that neither waits for both. */
 function draw() {
   const now = due;
-  due = { tracks: false, panels: false };
+  const isPutOff = now.tracks && now.panels && drawnFirst && !now.wasPutOff;
+  due = { tracks: false, panels: isPutOff, wasPutOff: isPutOff };
+  if (isPutOff) requestAnimationFrame(draw);
   if (now.tracks) view.drawTracks();
-  if (now.panels) {
+  if (now.panels && !isPutOff) {
     view.drawDaps();
     view.drawSites();
     view.drawOutside();
@@ -53,7 +56,7 @@ function drawPanels() {
 
 function ask(what) {
   if (!due.tracks && !due.panels) requestAnimationFrame(draw);
-  due = { tracks: due.tracks || what.tracks, panels: due.panels || what.panels };
+  due = { ...due, tracks: due.tracks || what.tracks, panels: due.panels || what.panels };
 }
 
 function take(changes) {

@@ -113,8 +113,11 @@ export class MapView {
       if (east !== dap.position.east_m || north !== dap.position.north_m) {
         feature.getGeometry().setCoordinates([dap.position.east_m, dap.position.north_m]);
       }
-      feature.setProperties({ kind: "dap", id: dap.dap_id, status: dap.status,
-        level: this.#model.floorOf(dap.position.down_m) });
+      const level = this.#model.floorOf(dap.position.down_m);
+      // Whatever is set, even to what it was, has the whole map drawn anew.
+      if (feature.get("status") !== dap.status || feature.get("level") !== level) {
+        feature.setProperties({ kind: "dap", id: dap.dap_id, status: dap.status, level });
+      }
     }
     for (const [id, feature] of this.#daps) {
       if (!here.has(id)) { this.sources.daps.removeFeature(feature); this.#daps.delete(id); }

@@ -9,13 +9,14 @@ export class PlanLayers {
 
   constructor(projection, levelOf) {
     this.#levelOf = levelOf;
-    this.#walls = new ol.layer.Vector({ source: new ol.source.Vector() });
+    this.#walls = new ol.layer.Vector({ source: new ol.source.Vector(), visible: false });
     this.group = new ol.layer.Group({ layers: [this.#walls] });
     this.projection = projection;
   }
 
   set(plan) {
     const lines = plan.walls_m.map(([north, east, north2, east2]) => [[east, north], [east2, north2]]);
+    this.#walls.setVisible(lines.length > 0);
     if (lines.length) {
       this.#walls.getSource().addFeature(new ol.Feature({ geometry: new ol.geom.MultiLineString(lines) }));
     }

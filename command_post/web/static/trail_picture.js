@@ -36,7 +36,8 @@ export class TrailPicture {
     const scale = this.#view.resolution / view.resolution;
     const [x, y] = view.at(...this.#view.corner);
     const stands = scale === 1 && Math.abs(x) < 1e-6 && Math.abs(y) < 1e-6;
-    this.canvas.style.transform = stands ? "" : `translate(${x}px, ${y}px) scale(${scale})`;
+    const placing = stands ? "" : `translate(${x}px, ${y}px) scale(${scale})`;
+    if (this.canvas.style.transform !== placing) this.canvas.style.transform = placing;
   }
 
   /** The end of somebody's way that is not in the picture yet, from where that ends. */
