@@ -12,9 +12,10 @@ from itertools import chain
 from edge_agent.alarm_repeats import AlarmRepeats
 from edge_agent.alarms import AlarmEvent, AlarmWatch
 from edge_agent.drop_desk import Beacon, DropDesk
+from edge_agent.gnss import SpeedReading
 from edge_agent.inertial.activity import ActivityClassifier, ActivityEstimate
 from edge_agent.mounts.intake import has_gyro, readable
-from edge_agent.mounts.interface import Increment, Mount
+from edge_agent.mounts.interface import Increment, Mount, TakesSpeed
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.self_check import HealthReport, SelfCheck
 from edge_agent.sources.reading import Quiet, Reading, TruePlace
@@ -108,6 +109,10 @@ class Agent:
         """Take in a sample, whose time is on the clock the incident goes by, or the truth."""
         if isinstance(reading, TruePlace):
             self._send_truth(reading)
+            return
+        if isinstance(reading, SpeedReading):
+            if isinstance(self._mount, TakesSpeed):
+                self._mount.know_speed(reading.speed_m_s, reading.sd_m_s)
             return
         self.pass_time(reading.time_ns)
         if isinstance(reading, ImuSample):

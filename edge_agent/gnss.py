@@ -1,4 +1,4 @@
-"""Which of a GNSS receiver's fixes are worth telling, and how sure they are told to be."""
+"""Which of a GNSS receiver's fixes and speeds are worth telling, and how sure they are."""
 
 from __future__ import annotations
 
@@ -24,6 +24,35 @@ class GnssReading(NamedTuple):
     east_m: float
     down_m: float
     sd_m: float
+
+
+class SpeedReading(NamedTuple):
+    """A receiver's speed over ground, and its standard deviation."""
+
+    time_ns: int
+    speed_m_s: float
+    sd_m_s: float
+
+
+LEAST_SPEED_SD_M_S = 0.3
+"""No speed is taken to be better: it is of some moment of the last second."""
+
+UNSAID_SPEED_SD_M_S = 1.0
+WORST_SPEED_SD_M_S = 3.0
+FASTEST_M_S = 75.0
+
+
+def speed_reading(time_ns: int, speed_m_s: float, sd_m_s: float) -> SpeedReading | None:
+    """Return a phone's reading of its speed, ``None`` if it has none that is worth anything.
+
+    Phones say by −1, or by no number, what they do not know: the speed, or how good it is.
+    """
+    if not 0.0 <= speed_m_s <= FASTEST_M_S:
+        return None
+    known_sd_m_s = sd_m_s if sd_m_s >= 0.0 else UNSAID_SPEED_SD_M_S
+    if known_sd_m_s > WORST_SPEED_SD_M_S:
+        return None
+    return SpeedReading(time_ns, speed_m_s, max(known_sd_m_s, LEAST_SPEED_SD_M_S))
 
 
 class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from edge_agent.commands.drive_picture import draw_drive
+from edge_agent.commands.prepare import Wheelbase
 from edge_agent.commands.score_tables import print_degraded, print_tables
 from edge_agent.commands.track_picture import draw_trial
 from edge_agent.evaluation.course_truth import DrivenSpeed, FixedDrive, MountedDrive, MountTruth
@@ -43,6 +44,7 @@ class _Setup(NamedTuple):
     mount: MountName
     method: MethodName
     dominant_direction: bool
+    wheelbase_m: float | None
     seed: int
     degradations: Mapping[str, Degradation]
     plot: Path | None
@@ -52,7 +54,12 @@ class _Setup(NamedTuple):
         return f"{self.mount}, {self.method}" + ", dominant direction" * self.dominant_direction
 
     def new_mount(self) -> Mount:
-        return make_mount(self.mount, self.method, dominant_direction=self.dominant_direction)
+        return make_mount(
+            self.mount,
+            self.method,
+            dominant_direction=self.dominant_direction,
+            wheelbase_m=self.wheelbase_m,
+        )
 
     def score(
         self, trial: Trial, increments: Sequence[Increment], truth: MountTruth | None
@@ -83,6 +90,7 @@ def evaluate(
     mount: MountName = "boot",
     method: MethodName | None = None,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
+    wheelbase: Wheelbase = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 0,
     degrade: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
@@ -111,6 +119,8 @@ def evaluate(
         first is the default; the others are then read as published, too.
     dominant_direction
         Hold the heading to where the building's corridors lead, which is learnt on the way.
+    wheelbase
+        Metres between a vehicle's axles, a car's 2.7 if not told.
     seed
         Of the simulated scenarios' walks and sensors, and of what a degradation leaves to chance.
     degrade
@@ -127,7 +137,7 @@ def evaluate(
         if degrade and mount != "boot":
             raise ValueError(f"--degrade: only of a boot's recordings, not of a {mount}'s")
         setups = [
-            _Setup(mount, one, dominant_direction, seed, degradations, plot)
+            _Setup(mount, one, dominant_direction, wheelbase, seed, degradations, plot)
             for one in _methods(mount, method)
         ]
         for setup in setups:
@@ -256,9 +266,11 @@ def _score_drive(
 ) -> tuple[TrialScore, ExitCode]:
     try:
         began_s = process_time()
-        drive = _drive(setup.method, samples, truth.fixed.speed)
+        drive = _drive(setup.method, setup.wheelbase_m, samples, truth.fixed.speed)
         samples_per_s = len(samples) / (process_time() - began_s)
-        fixed = _fixed_drive(setup.method, truth.fixed) if truth.slips else None
+        fixed = None
+        if truth.slips:
+            fixed = _fixed_drive(setup.method, setup.wheelbase_m, truth.fixed)
         row = score_drive(trial.name, trial.group, drive, fixed, truth)
     except Exception as error:  # a trial that breaks the mount is a row of the card as well
         _log.exception("the mount or its score failed", trial=trial.name)
@@ -271,13 +283,15 @@ def _score_drive(
 
 
 @lru_cache(maxsize=4)
-def _fixed_drive(method: MethodName, fixed: FixedDrive) -> Drive:
+def _fixed_drive(method: MethodName, wheelbase_m: float | None, fixed: FixedDrive) -> Drive:
     """Return what ``method`` makes of the phone as it was fixed."""
-    return _drive(method, fixed.samples, fixed.speed)
+    return _drive(method, wheelbase_m, fixed.samples, fixed.speed)
 
 
-def _drive(method: MethodName, samples: Recording, speed: DrivenSpeed) -> Drive:
-    mount = make_mount("vehicle", method)
+def _drive(
+    method: MethodName, wheelbase_m: float | None, samples: Recording, speed: DrivenSpeed
+) -> Drive:
+    mount = make_mount("vehicle", method, wheelbase_m=wheelbase_m)
     assert isinstance(mount, VehicleMount | PublishedVehicleMount)  # noqa: S101
     return follow_drive(mount, samples, speed)
 

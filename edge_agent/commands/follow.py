@@ -14,7 +14,7 @@ import structlog
 from cyclopts import Parameter, validators
 
 from edge_agent.agent import Agent
-from edge_agent.commands.prepare import prepared_mount
+from edge_agent.commands.prepare import Wheelbase, prepared_mount
 from edge_agent.drop_desk import DropDesk, tell_wearer_to_set_down
 from edge_agent.mayday import MaydayCall
 from edge_agent.mayday_controls import Control, InputButton, UnitSocket, socket_path
@@ -83,6 +83,7 @@ def run(
     stands_at_sd: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e3))] = 1.0,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
     driven_speed: Annotated[float | None, Parameter(validator=validators.Number(lte=75.0))] = None,
+    wheelbase: Wheelbase = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     daps: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=1000))] = 0,
@@ -135,6 +136,8 @@ def run(
     driven_speed
         How fast the vehicle goes at the first sample (m/s), where that is known: by the satellites
         in front of the car park, for one. A start from rest is seen; any other speed is sought.
+    wheelbase
+        Metres between the vehicle's axles, a car's 2.7 if not told: an engine has 3.5 to 5.
     seed
         Of a simulated source.
     dominant_direction
@@ -171,8 +174,9 @@ def run(
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
             follower = prepared_mount(
-                mount, method, dominant_direction=dominant_direction, driven_speed_m_s=driven_speed
-            )
+                mount, method, dominant_direction=dominant_direction,
+                driven_speed_m_s=driven_speed, wheelbase_m=wheelbase,
+            )  # fmt: skip
         opened = open_source(source, responder_id, seed, mount, bundle, hears_daps=daps > 0)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
         radios = open_radios(radio, "--radio")

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import structlog
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 
-from edge_agent.mounts.interface import Mount
+from edge_agent.mounts.interface import Mount, TakesSpeed
 from edge_agent.mounts.methods import MethodName, MountName, default_method, is_built, make_mount
-from edge_agent.mounts.vehicle import VehicleMount
-from edge_agent.mounts.vehicle_published import PublishedVehicleMount
 from shared.process import ExitCode, end_with_parent, ended_by_signals
 
 DRIVEN_SPEED_SD_M_S = 0.3
 """Of a speed told at the start: a satellite receiver's, or a speedometer's."""
+
+Wheelbase: TypeAlias = Annotated[
+    float | None, Parameter(validator=validators.Number(gte=1.0, lte=10.0))
+]
+"""Metres; it is seldom more than seven."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -51,19 +54,21 @@ def prepared_mount(
     *,
     dominant_direction: bool = False,
     driven_speed_m_s: float | None = None,
+    wheelbase_m: float | None = None,
 ) -> Mount:
     """Return a new mount, whose first sample will wait for nothing; say what takes time.
 
-    ``driven_speed_m_s`` is how fast a vehicle goes at the first sample. Raises ``ValueError`` where
+    ``driven_speed_m_s`` is how fast a vehicle goes at the first sample, ``wheelbase_m`` how far its
+    axles are apart. Raises ``ValueError`` where
     ``mount`` has no such method, or that no ``dominant_direction``, or is no vehicle.
     """
     method = method or default_method(mount)
     if not is_built(mount, method):
         _log.info("building machine code, once: some thirty seconds", method=method)
     began_s = perf_counter()
-    made = make_mount(mount, method, dominant_direction=dominant_direction)
+    made = make_mount(mount, method, dominant_direction=dominant_direction, wheelbase_m=wheelbase_m)
     if driven_speed_m_s is not None:
-        if not isinstance(made, VehicleMount | PublishedVehicleMount):
+        if not isinstance(made, TakesSpeed):
             raise ValueError(f"--driven-speed: only of a vehicle, not of a {mount}")
         made.know_speed(driven_speed_m_s, DRIVEN_SPEED_SD_M_S)
     seconds = round(perf_counter() - began_s, 2)

@@ -28,7 +28,7 @@ import numpy as np
 from edge_agent.evaluation.course_truth import DrivenSpeed, MountedDrive
 from edge_agent.evaluation.score_card import TrialScore
 from edge_agent.evaluation.truth import Array
-from edge_agent.mounts.interface import Increment, Mount
+from edge_agent.mounts.interface import Increment, Mount, TakesSpeed
 from edge_agent.sources.recording import Recording
 from shared.maths.rotations import Vector3
 from shared.units import NS_PER_S
@@ -43,17 +43,14 @@ FIRST_SPEED_SD_M_S = 0.1
 """How well the speed is known of the first moment."""
 
 
-class VehicleMountLike(Mount, Protocol):
-    """What a vehicle's mount has beyond the others."""
+class VehicleMountLike(Mount, TakesSpeed, Protocol):
+    """A vehicle's mount, which tells more than the way."""
 
     acceleration_m_s2: Vector3 | None
 
     @property
     def speed_m_s(self) -> float:
         """The speed of the moment."""
-
-    def know_speed(self, speed_m_s: float, sd_m_s: float) -> None:
-        """Take in a speed that somebody knows at this moment."""
 
 
 class Drive(NamedTuple):

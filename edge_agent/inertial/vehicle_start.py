@@ -8,6 +8,7 @@ the sensor wakes is levelled right all the same.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -36,6 +37,9 @@ FOUND_TILT_SHARE = 2.0
 UNKNOWN_SPEED_M_S = 12.0
 UNKNOWN_SPEED_SD_M_S = 8.0
 STANDING_SD_M_S = 0.05
+
+CHANGE_M_S2 = 1.5
+"""By so much a second speed may have changed before it was told."""
 
 CLEAR_START_M_S = 1.5
 """Speed gained in the first seconds after standing that tells which way is forward."""
@@ -66,12 +70,23 @@ class KnownSpeed(NamedTuple):
     sd_m_s: float
 
 
+class Fix(NamedTuple):
+    """A speed that somebody knows at ``time_s`` of the readings."""
+
+    time_s: float
+    speed: KnownSpeed
+
+
 class Known(NamedTuple):
-    """What is known as the first of the readings comes. ``speed`` may be nothing."""
+    """What is known as the first of the readings comes, and by ``fixes`` while they do.
+
+    ``speed`` may be nothing; ``fixes`` are in the order of time.
+    """
 
     wheelbase_m: float
     speed: KnownSpeed | None = None
     stood: Stood | None = None
+    fixes: tuple[Fix, ...] = ()
 
 
 class Start(NamedTuple):
@@ -126,8 +141,11 @@ def _follow(
 ) -> Start:
     tracker = _tracker(readings, level_from_sensor, known, tilt_sd_rad)
     told: list[Second] = []
+    fixes = deque(known.fixes)
     for reading in readings[1:]:
         tracker.step(*reading)
+        while fixes and fixes[0].time_s <= reading.time_s:
+            tracker.know_speed(*fixes.popleft().speed)
         if tracker.due():
             told.append(tracker.tick())
     return Start(tracker, told)
@@ -136,7 +154,7 @@ def _follow(
 def _tracker(
     readings: Sequence[Reading], level_from_sensor: Quaternion, known: Known, tilt_sd_rad: float
 ) -> VehicleTracker:
-    speed = known.speed or KnownSpeed(UNKNOWN_SPEED_M_S, UNKNOWN_SPEED_SD_M_S)
+    speed = _first_speed(known, readings[0].time_s)
     sd = Uncertainty(speed.sd_m_s, tilt_sd_rad, forward_rad=AXIS_SD_RAD)
     bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
     if known.stood is not None:
@@ -151,6 +169,16 @@ def _tracker(
         level_from_sensor, 0.0, speed.speed_m_s, known.wheelbase_m, LATE_S, sd, bias_rad_s
     )
     return VehicleTracker(state, readings[0].time_s)
+
+
+def _first_speed(known: Known, time_s: float) -> KnownSpeed:
+    """Return the speed at the first reading, at ``time_s``, as far as anybody knows it."""
+    if known.speed is not None:
+        return known.speed
+    if not known.fixes:
+        return KnownSpeed(UNKNOWN_SPEED_M_S, UNKNOWN_SPEED_SD_M_S)
+    fixed_s, (speed_m_s, sd_m_s) = known.fixes[0]
+    return KnownSpeed(speed_m_s, math.hypot(sd_m_s, CHANGE_M_S2 * (fixed_s - time_s)))
 
 
 def _forward(columns: Array, known: Known) -> list[ForwardAxis]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD
 from edge_agent.inertial.linear_zupt import PathPoint
@@ -87,3 +87,11 @@ class Mount(Protocol):
 
     def finish(self) -> list[Increment]:
         """Return the movements that were still being waited for: no more samples will come."""
+
+
+@runtime_checkable
+class TakesSpeed(Protocol):
+    """What a vehicle's mount has beyond the others."""
+
+    def know_speed(self, speed_m_s: float, sd_m_s: float) -> None:
+        """Take in a speed that somebody knows at this moment."""

@@ -45,7 +45,11 @@ def default_method(mount: MountName) -> MethodName:
 
 
 def make_mount(
-    mount: MountName, method: MethodName | None = None, *, dominant_direction: bool = False
+    mount: MountName,
+    method: MethodName | None = None,
+    *,
+    dominant_direction: bool = False,
+    wheelbase_m: float | None = None,
 ) -> Mount:
     """Return a new mount that reads a sensor worn as ``mount`` by ``method``, its own by default.
 
@@ -53,14 +57,19 @@ def make_mount(
     from a crawl to a sprint. ``linear``: linear-calibrated zero-velocity update, as published.
     A chest tells one a step; ``published`` is as the paper has it, here and for the others,
     ``robust`` ours. A vehicle tells one a second. ``dominant_direction``: hold the heading to
-    where the building's corridors lead. Raises ``ValueError`` for a method that the mount has not,
-    or that cannot.
+    where the building's corridors lead. ``wheelbase_m``: a vehicle's, if it is not a car's; the
+    published method does without. Raises ``ValueError`` for a method that the mount has not, or
+    that cannot.
     """
     methods = _methods_of(mount)
     method = method or default_method(mount)
     if method not in methods:
         raise ValueError(f"--method {method}: a {mount} is read by {' or '.join(methods)}")
+    if wheelbase_m is not None and mount != "vehicle":
+        raise ValueError(f"--wheelbase: only of a vehicle, not of a {mount}")
     if not dominant_direction:
+        if wheelbase_m is not None and method == "robust":
+            return VehicleMount(wheelbase_m)
         return methods[method]()
     if (mount, method) not in _FOLLOWING_THE_BUILDING:
         able = ", ".join(f"--mount {one} --method {by}" for one, by in _FOLLOWING_THE_BUILDING)

@@ -20,6 +20,7 @@ from edge_agent.inertial.stride_error import heading_variance
 from edge_agent.inertial.vehicle_filter import VehicleFilter
 from edge_agent.inertial.vehicle_start import (
     UNKNOWN_SPEED_M_S,
+    Fix,
     Known,
     KnownSpeed,
     Reading,
@@ -73,6 +74,7 @@ class VehicleMount:
         self._known: KnownSpeed | None = None
         self._stood: Stood | None = None
         self._waiting: list[ImuSample] = []
+        self._fixes: list[tuple[int, KnownSpeed]] = []
         self._judged = 0
         self._tracker: VehicleTracker | None = None
         self._last_ns: int | None = None
@@ -115,8 +117,11 @@ class VehicleMount:
     def know_speed(self, speed_m_s: float, sd_m_s: float) -> None:
         """Take in a speed that somebody knows at this moment: a satellite fix's, for one."""
         if self._tracker is None:
-            if not self._waiting:
-                self._known = KnownSpeed(speed_m_s, sd_m_s)
+            known = KnownSpeed(speed_m_s, sd_m_s)
+            if self._waiting:
+                self._fixes.append((self._waiting[-1].time_ns, known))
+            else:
+                self._known = known
             return
         self._tracker.know_speed(speed_m_s, sd_m_s)
 
@@ -178,16 +183,19 @@ class VehicleMount:
             return
         self._stood = Stood((fx, fy, fz), (wx, wy, wz))
         self._waiting = self._waiting[-1:]
+        self._fixes = []
         self._judged = 1
 
     def _set_out(self) -> None:
         """Begin to track at the first of the samples kept, if there is gravity in them."""
         waiting, self._waiting, self._judged = self._waiting, [], 0
+        fixes, self._fixes = self._fixes, []
         self._origin_ns = waiting[0].time_ns
         readings = [self._reading(one) for one in waiting]
         if self._stood is None and math.hypot(*first_force(readings)) < WEAKEST_GRAVITY_M_S2:
             return
-        begun = start(readings, Known(self._wheelbase_m, self._known, self._stood))
+        told = tuple(Fix(self._since_s(time_ns), speed) for time_ns, speed in fixes)
+        begun = start(readings, Known(self._wheelbase_m, self._known, self._stood, told))
         self._tracker = begun.tracker
         self._frame_rad = self._heading_rad
         self._forward_sd_rad = AXIS_SD_RAD
@@ -196,8 +204,10 @@ class VehicleMount:
             self._tell(second)
 
     def _reading(self, sample: ImuSample) -> Reading:
-        since_s = (sample.time_ns - self._origin_ns) / NS_PER_S
-        return Reading(since_s, sample.force_m_s2, sample.rate_rad_s)
+        return Reading(self._since_s(sample.time_ns), sample.force_m_s2, sample.rate_rad_s)
+
+    def _since_s(self, time_ns: int) -> float:
+        return (time_ns - self._origin_ns) / NS_PER_S
 
     def _tell(self, second: Second) -> None:
         heading_rad = wrap_rad(self._frame_rad + second.heading_rad)
@@ -231,7 +241,7 @@ class VehicleMount:
             self._known = self._known._replace(sd_m_s=sd_m_s)
         self._tracker = None
         self.acceleration_m_s2 = None
-        self._waiting, self._judged = [], 0
+        self._waiting, self._fixes, self._judged = [], [], 0
 
 
 def _words(state: VehicleFilter) -> str:

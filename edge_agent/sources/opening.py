@@ -6,12 +6,14 @@ simulating or scoring takes, and would wait for it at every start.
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 
+from edge_agent.gnss import SpeedReading
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
-from edge_agent.sources.reading import Source
+from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
 from shared.clock import SystemClock
 from shared.mcap_reader import RecordingError
@@ -57,11 +59,23 @@ def open_source(
     try:
         samples = iter(_samples(kind, where, mount))
         first = next(samples, None)
+        speeds = _speeds(kind, where, mount)
     except RecordingError as error:
         raise SourceError(str(error)) from error
     if first is None:
         raise SourceError(f"{where}: no samples in it")
-    return Source(chain((first,), samples), first.time_ns, None)
+    each: list[Iterable[Reading]] = [chain((first,), samples), speeds]
+    readings = heapq.merge(*each, key=lambda reading: reading.time_ns)
+    return Source(readings, first.time_ns, None)
+
+
+def _speeds(kind: str, where: str, mount: MountName) -> Iterable[SpeedReading]:
+    """Return what a vehicle's phone was told of its speed; nothing of any other source."""
+    if (kind, mount) != ("phone", "vehicle"):
+        return ()
+    from edge_agent.sources.phone_export import read_phone_speeds  # noqa: PLC0415
+
+    return read_phone_speeds(Path(where))
 
 
 def _samples(kind: str, where: str, mount: MountName) -> Iterable[ImuSample]:

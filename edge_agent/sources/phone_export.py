@@ -2,8 +2,8 @@
 
 One file a sensor, each on its own time stamps: ``TotalAcceleration.csv`` (Android) or
 ``Accelerometer.csv`` and ``Gravity.csv``, ``Gyroscope.csv``, ``Magnetometer.csv``,
-``Barometer.csv``; and ``metadata.csv``, which says what phone it was: iOS tells forces by the
-opposite sign.
+``Barometer.csv``, ``Location.csv``; and ``metadata.csv``, which says what phone it was: iOS tells
+forces by the opposite sign.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from edge_agent.gnss import SpeedReading, speed_reading
 from edge_agent.sources.recording import Array, Recording, SourceError, at_times
 from shared.units import NS_PER_S
 
@@ -64,6 +65,23 @@ def read_phone_export(path: Path, *, needs_gyro: bool = True) -> Recording:
         None if field is None else at_force(field),
         None if pressure is None else _set_down(pressure, force.time_ns),
     )
+
+
+def read_phone_speeds(path: Path) -> list[SpeedReading]:
+    """Return the speeds that the phone had of satellites, by time: none without ``Location.csv``.
+
+    Raises ``SourceError`` as :func:`read_phone_export` does.
+    """
+    told = _sensor(path, _opened(path), "Location", ("speed", "speedaccuracy"))
+    if told is None:
+        return []
+    speeds = (
+        speed_reading(time_ns, speed_m_s, sd_m_s)
+        for time_ns, (speed_m_s, sd_m_s) in zip(
+            told.time_ns.tolist(), told.readings.tolist(), strict=True
+        )
+    )
+    return [one for one in speeds if one is not None]
 
 
 def _opened(path: Path) -> Export:

@@ -23,8 +23,9 @@ from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from edge_agent.gnss import SpeedReading
 from edge_agent.sources.phone_button import PhoneButton
-from edge_agent.sources.phone_stream import PhoneStream, decoded
+from edge_agent.sources.phone_stream import PhoneStream, decoded, speeds_of
 from edge_agent.sources.reading import Quiet, Reading, Source
 from edge_agent.sources.recording import SourceError
 from shared.messages import ImuSample
@@ -33,7 +34,7 @@ from shared.units import NS_PER_S
 
 MOST_BYTES = 4_000_000
 MOST_WAITING = 10_000
-"""Samples that wait to be taken: more, and the newest are lost."""
+"""Readings that wait to be taken: more, and the newest are lost."""
 
 ASTRAY_NS = 2 * NS_PER_S
 """A phone whose newest reading is further from now has a clock of its own."""
@@ -74,7 +75,7 @@ class PhoneServer:
         """The page's mayday button."""
 
         self._ahead_ns = 0
-        self._samples: queue.Queue[ImuSample] = queue.Queue(MOST_WAITING)
+        self._readings: queue.Queue[ImuSample | SpeedReading] = queue.Queue(MOST_WAITING)
 
     def readings(self) -> Iterator[Reading]:
         """Yield samples as they come, and from time to time that none did, until closed."""
@@ -84,7 +85,7 @@ class PhoneServer:
         try:
             while True:
                 try:
-                    yield self._samples.get(timeout=QUIET_S)
+                    yield self._readings.get(timeout=QUIET_S)
                 except queue.Empty:
                     yield Quiet(self._now_ns())
         finally:
@@ -124,6 +125,8 @@ class PhoneServer:
         push = decoded(body)
         if push.payload:
             self._set_clock(max(reading.time for reading in push.payload))
+        for speed in speeds_of(push):
+            self._readings.put_nowait(speed._replace(time_ns=speed.time_ns + self._ahead_ns))
         for sample in self._stream.take(push):
             moved = ImuSample(
                 sample.time_ns + self._ahead_ns,
@@ -131,7 +134,7 @@ class PhoneServer:
                 sample.rate_rad_s,
                 sample.field_ut,
             )
-            self._samples.put_nowait(moved)
+            self._readings.put_nowait(moved)
 
     async def _push(self, request: Request) -> Response:
         body = bytearray()

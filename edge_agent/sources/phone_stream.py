@@ -2,17 +2,19 @@
 
 The messages are those of the app 'Sensor Logger' ("HTTP Push"), and of our own page: readings with
 a sensor's name, a time in nanoseconds and values x, y and z, in the phone's axes and in SI, gravity
-read upwards (in the app: "Standardise Units & Frames").
+read upwards (in the app: "Standardise Units & Frames"). Of a location the speed is read.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Annotated, NamedTuple
 
 import msgspec
 from msgspec import Meta
 
+from edge_agent.gnss import SpeedReading, speed_reading
 from shared.messages import WITHOUT_GYRO, ImuSample, Vector3
 from shared.units import NS_PER_S
 
@@ -22,6 +24,7 @@ PATIENCE_NS = 3 * NS_PER_S
 
 TOTAL, MOVED, GRAVITY = "totalacceleration", "accelerometer", "gravity"
 RATE, FIELD = "gyroscope", "magnetometer"
+LOCATION = "location"
 Number = int | float
 SENSORS = (TOTAL, MOVED, GRAVITY, RATE, FIELD)
 
@@ -114,6 +117,17 @@ def decoded(body: bytes | str) -> PhonePush:
         return msgspec.json.decode(body, type=PhonePush)
     except (msgspec.DecodeError, RecursionError) as error:
         raise ValueError(f"not a phone's message: {error}") from None
+
+
+def speeds_of(push: PhonePush) -> list[SpeedReading]:
+    """Return the speeds that a message tells, as satellites have them."""
+    speeds = []
+    for reading in push.payload:
+        speed_m_s, sd_m_s = (reading.values.get(name) for name in ("speed", "speedAccuracy"))
+        if reading.name.lower() == LOCATION and isinstance(speed_m_s, Number):
+            known_m_s = sd_m_s if isinstance(sd_m_s, Number) else math.nan
+            speeds.append(speed_reading(reading.time, speed_m_s, known_m_s))
+    return [one for one in speeds if one is not None]
 
 
 def _vector(values: dict[str, object]) -> Vector3 | None:

@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeAlias
 import msgspec
 
 from edge_agent.drop_desk import Beacon
+from edge_agent.gnss import SpeedReading
 from edge_agent.mayday_controls import Control
 from edge_agent.whereabouts import Cue
 from shared.messages import ImuSample, LocalPosition
@@ -26,7 +27,7 @@ class Quiet(NamedTuple):
     time_ns: int
 
 
-Reading: TypeAlias = ImuSample | Cue | Beacon | TruePlace | Quiet
+Reading: TypeAlias = ImuSample | Cue | SpeedReading | Beacon | TruePlace | Quiet
 
 
 class Source(NamedTuple):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from edge_agent.agent import Agent
-from edge_agent.mounts.methods import make_mount
+from edge_agent.gnss import SpeedReading
+from edge_agent.mounts.methods import MountName, make_mount
+from edge_agent.mounts.vehicle import VehicleMount
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.recording import SourceError
 from shared.bus.interface import Received
@@ -40,6 +42,14 @@ def said_of(samples: list[ImuSample]) -> list[Message]:
         assert not isinstance(message, Refusal), message
         said.append(message)
     return said
+
+
+@pytest.mark.parametrize("worn", ["chest", "vehicle"])
+def test_only_a_vehicle_is_told_what_satellites_say_of_its_speed(worn: MountName) -> None:
+    mount = make_mount(worn)
+    sender = Sender(MemoryNetwork().connect(), "fire", "responder", "r1")
+    Agent(sender, mount, "robust", None, worn=worn).take(SpeedReading(10**18, 17.0, 0.5))
+    assert not isinstance(mount, VehicleMount) or mount.speed_m_s == 17.0
 
 
 @pytest.mark.parametrize("gyro", [True, False])

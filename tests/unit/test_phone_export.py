@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from edge_agent.gnss import SpeedReading
 from edge_agent.mounts.chest import ChestMount
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.phone_export import read_phone_export
@@ -83,6 +84,21 @@ def test_a_walk_is_followed_from_a_zip_as_from_a_folder(android: Path, tmp_path:
         ways.append([one for one in told if one is not None] + mount.finish())
     assert ways[0] == ways[1]
     assert sum(one.steps for one in ways[0]) == 20
+
+
+def test_a_vehicles_phone_tells_the_speed_that_satellites_have(android: Path) -> None:
+    rows = [["time", "seconds_elapsed", "speedAccuracy", "speed"]]
+    told = ((1, 0.1, 8.0), (2, -1.0, 8.5), (3, 0.5, -1.0), (4, 9.0, 9.0))
+    rows += [[str(BEGIN_NS + s * 10**9), str(s), str(sd), str(speed)] for s, sd, speed in told]
+    write(android, "Location.csv", rows)
+    readings = list(open_source(f"phone:{android}", "r1", 0, "vehicle").readings)
+    speeds = [one for one in readings if isinstance(one, SpeedReading)]
+    assert [one[1:] for one in speeds] == [(8.0, 0.3), (8.5, 1.0)]
+    assert [one.time_ns for one in readings] == sorted(one.time_ns for one in readings)
+    assert not any(
+        isinstance(one, SpeedReading)
+        for one in open_source(f"phone:{android}", "r1", 0, "chest").readings
+    )
 
 
 def test_an_iphone_reads_forces_downwards(android: Path) -> None:

@@ -11,7 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edge_agent.mounts.chest import ChestMount
-from edge_agent.sources.phone_stream import PhonePush, PhoneReading, PhoneStream, decoded
+from edge_agent.sources.phone_stream import (
+    PhonePush,
+    PhoneReading,
+    PhoneStream,
+    decoded,
+    speeds_of,
+)
 from shared.messages import ImuSample, Vector3
 from tests.bouncing_phone import Phone
 
@@ -60,6 +66,18 @@ def test_rates_are_interpolated_between_their_own_times() -> None:
     (sample,) = stream.take(PhonePush([*rates, *fields, *forces]))
     assert sample.rate_rad_s == pytest.approx((0.5, 0.0, 0.0))
     assert sample.field_ut == (20.0, 0.0, -40.0)
+
+
+def test_a_location_tells_its_speed() -> None:
+    told = [
+        {"speed": 12, "speedAccuracy": 0.4, "latitude": 1.0},
+        {"speed": 12.5},
+        {"speed": -1, "speedAccuracy": -1},
+        {"speed": "fast"},
+    ]
+    push = PhonePush([PhoneReading("location", BEGIN_NS, values) for values in told])
+    assert speeds_of(push) == [(BEGIN_NS, 12, 0.4), (BEGIN_NS, 12.5, 1.0)]
+    assert PhoneStream().take(push) == []
 
 
 def test_force_without_gravity_has_it_added() -> None:

@@ -16,6 +16,7 @@ from numpy.random import default_rng
 
 from edge_agent.evaluation.vehicle_mountings import Lie, mounted
 from edge_agent.mounts.interface import Increment
+from edge_agent.mounts.methods import make_mount
 from edge_agent.mounts.vehicle import VehicleMount
 from edge_agent.mounts.vehicle_published import PublishedVehicleMount
 from edge_agent.sources.recording import Recording
@@ -85,6 +86,25 @@ def test_an_unknown_speed_is_found_from_the_road() -> None:
     mount = VehicleMount()
     told = mount.steps(truth.recording) + mount.finish()
     assert np.abs(speed_errors_m_s(told, truth)[-8:]).max() < 1.5
+
+
+def test_satellites_tell_a_speed_that_the_road_does_not() -> None:
+    truth = drive(((0.0, 30.0), (8.0, 31.0)))
+    mount, told = VehicleMount(), []
+    for second, rows in enumerate((slice(0, 104), slice(104, 800))):
+        if second:
+            mount.know_speed(truth.speed_m_s[104], 0.5)
+        told += mount.steps(truth.recording.rows(rows))
+    assert np.abs(speed_errors_m_s(told, truth)).max() < 4.0
+    unaided = VehicleMount().steps(truth.recording.rows(slice(0, 600)))
+    assert np.abs(speed_errors_m_s(unaided, truth)).max() > 12.0
+
+
+def test_the_published_method_needs_no_wheelbase_and_a_boot_has_none() -> None:
+    assert isinstance(make_mount("vehicle", wheelbase_m=4.5), VehicleMount)
+    assert isinstance(make_mount("vehicle", "published", wheelbase_m=4.5), PublishedVehicleMount)
+    with pytest.raises(ValueError, match="--wheelbase: only of a vehicle"):
+        make_mount("boot", wheelbase_m=4.5)
 
 
 @WHICH
