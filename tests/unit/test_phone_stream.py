@@ -69,7 +69,7 @@ def test_rates_are_interpolated_between_their_own_times() -> None:
 
 
 def test_a_location_tells_its_speed() -> None:
-    told = [
+    told: list[dict[str, object]] = [
         {"speed": 12, "speedAccuracy": 0.4, "latitude": 1.0},
         {"speed": 12.5},
         {"speed": -1, "speedAccuracy": -1},
