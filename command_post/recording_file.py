@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib.metadata import version
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import structlog
 from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
@@ -23,7 +25,7 @@ from mcap.writer import Writer
 from command_post.recording_layout import Declared, WholePart, ending, whole_part
 from command_post.recording_mirror import Drawn, Mirror
 from shared.codec import Refusal, decode, parse_key
-from shared.files import sync_folder
+from shared.files import is_at, replace_atomically, sync_folder
 from shared.mcap_reader import ABOUT, CHANNEL, DROPPED, END, RESUMED, Excerpt, RecordingError
 from shared.mcap_records import MAGIC
 from shared.messages import Message
@@ -48,6 +50,9 @@ MOST_TOLD, MOST_DETAIL = 4, 40
 _NO_SCHEMA = 0
 _MARKS = ("outgoing", "excerpt", "derived")
 _MESSAGES = {topic.message.__name__: topic.message for topic in TOPICS.values()}
+
+
+_log = structlog.stdlib.get_logger(__name__)
 
 
 class RecorderError(RuntimeError):
@@ -98,7 +103,7 @@ class RecordingFile:
         if path.exists() and not replace:
             raise RecorderError(f"{path}: is there already; give the recording another name")
         whole = self._to_be_resumed(metadata) if resume else None
-        mode = "r+b" if whole is not None else "wb" if replace or resume else "xb"
+        mode = "r+b" if whole is not None else "w+b" if replace or resume else "x+b"
         try:
             self._stream = self.part.open(mode)
         except FileExistsError:
@@ -242,13 +247,27 @@ class RecordingFile:
         """Return once all that was put in would survive a power cut."""
         self._writer.flush()
         os.fsync(self._stream.fileno())
+        if not is_at(self.part, self._stream):
+            self._put_back()
         self.synced_bytes = self._stream.tell()
         self._synced_channels = len(self._channels)
+
+    def _put_back(self) -> None:
+        """Write anew what somebody has removed or moved: it is still open here."""
+        end_bytes = self._stream.tell()
+        self._stream.seek(0)
+        with replace_atomically(self.part) as anew:
+            shutil.copyfileobj(self._stream, anew)
+        self._stream.close()
+        self._stream = self.part.open("r+b")
+        self._go_on_at(end_bytes)
+        _log.error("the recording was removed: it is written anew", file=str(self.part))
 
     def finish(self) -> None:
         """End the file with its index, and give it its name."""
         if self._mirror is not None:
             self._write_drawn(self._mirror)
+        self.sync()
         if self.is_resumed:
             # The library knows of what it has written itself since.
             self._writer.flush()

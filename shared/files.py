@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, BinaryIO
 
 if sys.platform != "win32":
     import fcntl
@@ -84,6 +84,14 @@ def _locked(path: Path) -> Iterator[bool]:
             yield False
             return
         yield True
+
+
+def is_at(path: Path, file: IO[bytes]) -> bool:
+    """Say whether ``file``, which is open, is the one at ``path``: nobody has removed it."""
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False
 
 
 def sync_folder(folder: Path) -> None:

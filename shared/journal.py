@@ -13,17 +13,31 @@ import time
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from itertools import count
 from pathlib import Path
 from typing import TypeAlias
 
 import structlog
 
 from shared.files import file_held_alone
+from shared.journal_file import (
+    ForeignFileError,
+    NotWholeError,
+    Place,
+    about_of,
+    connected,
+    is_damage,
+    is_full,
+    moved_aside,
+    prepare,
+    write_anew,
+)
 from shared.kept import Holding, Row, SealAs, within_bytes
 from shared.messages import MOST_LOST
-from shared.seal import RUN_BYTES
 from shared.units import NS_PER_S
+
+__all__ = [
+    "KEPT_NS", "ForeignFileError", "Journal", "JournalDamagedError", "JournalError",
+]  # fmt: skip
 
 KEPT_NS = 24 * 3600 * NS_PER_S
 """What is safe elsewhere is kept so long all the same, for others who may want it."""
@@ -33,20 +47,6 @@ DROPPED_AT_ONCE = 100
 
 RESERVE_BYTES = 1 << 18
 """Room that is given back on a full disk: without any, nothing can be removed either."""
-
-CHECKPOINT_PAGES = 200
-
-_APPLICATION_ID = 0x436C6577
-_VERSION = 1
-_DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR})
-"""What SQLite finds of a file that is no whole journal; an error in general if it lacks a table."""
-
-_TABLES = (
-    "CREATE TABLE about (run BLOB NOT NULL, acknowledged INTEGER NOT NULL,"
-    " in_use INTEGER NOT NULL)",
-    "CREATE TABLE message (number INTEGER PRIMARY KEY, written_ns INTEGER NOT NULL,"
-    " key TEXT NOT NULL, payload BLOB NOT NULL, checksum INTEGER NOT NULL)",
-)
 
 _Written: TypeAlias = tuple[int, int, str, bytes, int]
 
@@ -59,10 +59,6 @@ class JournalError(RuntimeError):
 
 class JournalDamagedError(JournalError):
     """A journal turns out to be damaged: opened again, it is moved aside."""
-
-
-class ForeignFileError(ValueError):
-    """What is to be the journal belongs to another program. The text names it."""
 
 
 class Journal:
@@ -104,17 +100,20 @@ class Journal:
     def append(self, key: str, seal_as: SealAs) -> bytes:
         """Write the next message and return it sealed: it is on the disk.
 
-        On a full disk the oldest acknowledged messages make room. Raises ``JournalError`` if that
-        is not enough, and where the disk fails: the number is then given to the next message.
+        On a full disk the oldest acknowledged messages make room. A file that was removed meanwhile
+        is written anew, with all that was in it: this process still has it. Raises ``JournalError``
+        if that is not enough, and where the disk fails: the number is then given to the next
+        message.
         """
         with self._writing, _as_journal_error(self.path):
+            self._put_back_if_removed()
             number = self._holding.last_number + 1
             payload = seal_as(self.run, number)
             row = (number, self._now_ns(), key, payload, _checksum(key, payload))
             try:
                 self._insert(row)
             except sqlite3.OperationalError as error:
-                if not _is_full(error):
+                if not is_full(error):
                     raise
                 self._insert_in_room_made(row)
             self._holding = self._holding._replace(last_number=number)
@@ -205,10 +204,10 @@ class Journal:
         self._open.enter_context(file_held_alone(self.path))
         try:
             self._connect()
-        except (sqlite3.DatabaseError, _DamagedError) as error:
-            if not _is_damage(error):
+        except (sqlite3.DatabaseError, NotWholeError) as error:
+            if not is_damage(error):
                 raise
-            kept = _moved_aside(self.path)
+            kept = moved_aside(self.path)
             _log.error("the journal is damaged: another is begun", kept=str(kept), why=str(error))
             self._connect()
         if self.broken_off:
@@ -221,15 +220,31 @@ class Journal:
 
     def _connect(self) -> None:
         with ExitStack() as opened:
-            self._writer = opened.enter_context(_connection(self.path))
-            self._reader = opened.enter_context(_connection(self.path))
-            _prepare(self._writer, self.path)
-            self.run, acknowledged, self.broken_off = _about(self._writer)
+            self._writer = opened.enter_context(connected(self.path))
+            self._reader = opened.enter_context(connected(self.path))
+            prepare(self._writer, self.path)
+            self.run, acknowledged, self.broken_off = about_of(self._writer)
             self._writer.execute("UPDATE about SET in_use = 1")
             newest = self._writer.execute("SELECT max(number) FROM message").fetchone()[0]
             self._holding = Holding(self.run, newest or 0, 1, acknowledged)
             self._note_first()
-            self._open.push(opened.pop_all())
+            # It opens its log with its first question, and must not when that has been removed.
+            self._reader.execute("SELECT run FROM about").fetchone()
+            self._place = Place(self.path)
+            self._connections = self._open.enter_context(opened.pop_all())
+
+    def _put_back_if_removed(self) -> None:
+        if not self._place.is_left():
+            return
+        _log.error(
+            "the journal was removed while in use: it is written anew", journal=str(self.path)
+        )
+        with self._reading:
+            write_anew(self.path, self._writer)
+            self._connections.close()
+            broken_off = self.broken_off
+            self._connect()
+            self.broken_off = broken_off
 
     def _note_first(self) -> None:
         first = self._writer.execute("SELECT min(number) FROM message").fetchone()[0]
@@ -252,7 +267,7 @@ class Journal:
             try:
                 self._insert(row)
             except sqlite3.OperationalError as error:
-                if not (_is_full(error) and dropped):
+                if not (is_full(error) and dropped):
                     raise
             else:
                 break
@@ -275,10 +290,6 @@ class Journal:
                 self._reserve.unlink(missing_ok=True)
 
 
-class _DamagedError(Exception):
-    """A file that SQLite can read is no whole journal."""
-
-
 def _checksum(key: str, payload: bytes) -> int:
     return zlib.crc32(payload, zlib.crc32(key.encode()))
 
@@ -291,81 +302,10 @@ def _unaltered(found: Iterable[tuple[int, str, bytes, int]]) -> Iterator[Row]:
 
 
 @contextmanager
-def _connection(path: Path) -> Iterator[sqlite3.Connection]:
-    connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-    try:
-        yield connection
-    finally:
-        connection.close()
-
-
-def _prepare(connection: sqlite3.Connection, path: Path) -> None:
-    """Make an empty file a journal; else check that it is one, whole."""
-    owner = connection.execute("PRAGMA application_id").fetchone()[0]
-    tables = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
-    version = connection.execute("PRAGMA user_version").fetchone()[0]
-    if tables and (owner, version) != (_APPLICATION_ID, _VERSION):
-        raise ForeignFileError(f"{path}: another program's database; give another --journal")
-    connection.execute("PRAGMA journal_mode = WAL")
-    connection.execute("PRAGMA synchronous = FULL")
-    connection.execute(f"PRAGMA wal_autocheckpoint = {CHECKPOINT_PAGES}")
-    if not tables:
-        _make_tables(connection)
-    (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-    if found != "ok":
-        raise _DamagedError(found)
-
-
-def _make_tables(connection: sqlite3.Connection) -> None:
-    """All at once, so that a power cut leaves an empty file or a journal."""
-    connection.execute("BEGIN IMMEDIATE")
-    for statement in _TABLES:
-        connection.execute(statement)
-    connection.execute("INSERT INTO about VALUES (randomblob(?), 0, 0)", (RUN_BYTES,))
-    connection.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
-    connection.execute(f"PRAGMA user_version = {_VERSION}")
-    connection.execute("COMMIT")
-
-
-def _about(connection: sqlite3.Connection) -> tuple[bytes, int, bool]:
-    """Return the run, up to which number it is acknowledged, and whether it was in use."""
-    rows = connection.execute("SELECT run, acknowledged, in_use FROM about").fetchall()
-    if len(rows) == 1:
-        run, acknowledged, in_use = rows[0]
-        if isinstance(run, bytes) and len(run) == RUN_BYTES and isinstance(acknowledged, int):
-            return run, acknowledged, bool(in_use)
-    raise _DamagedError("it does not say its run")
-
-
-def _moved_aside(path: Path) -> Path:
-    """Move a damaged journal, and what SQLite keeps beside it; return where to."""
-    free = (path.with_name(f"{path.name}.damaged{index}") for index in count(1))
-    aside = next(each for each in free if not each.exists())
-    for ending in ("-wal", "-shm", ""):
-        part = path.with_name(path.name + ending)
-        if part.exists():
-            part.replace(aside.with_name(aside.name + ending))
-    return aside
-
-
-def _code(error: sqlite3.Error) -> int:
-    return getattr(error, "sqlite_errorcode", 0) & 0xFF
-
-
-def _is_full(error: sqlite3.Error) -> bool:
-    return _code(error) == sqlite3.SQLITE_FULL
-
-
-def _is_damage(error: Exception) -> bool:
-    damaged = isinstance(error, sqlite3.DatabaseError) and _code(error) in _DAMAGE
-    return damaged or isinstance(error, _DamagedError)
-
-
-@contextmanager
 def _as_journal_error(path: Path) -> Iterator[None]:
     """Say of which journal it is what SQLite or the system complains of."""
     try:
         yield
     except (sqlite3.Error, OSError) as error:
-        kind = JournalDamagedError if _is_damage(error) else JournalError
+        kind = JournalDamagedError if is_damage(error) else JournalError
         raise kind(f"{path}: {error}") from error

@@ -276,6 +276,31 @@ def test_a_message_that_is_not_on_the_disk_any_more_is_lost(tmp_path: Path) -> N
         assert journal.holding().lost == (5, 8)
 
 
+@pytest.mark.parametrize("endings", [("", "-wal", "-shm"), ("",), ("-wal",)])
+def test_a_journal_that_is_removed_while_in_use_is_written_anew(
+    tmp_path: Path, endings: tuple[str, ...]
+) -> None:
+    path = tmp_path / "r1"
+    run = filled(path, 3, acknowledged=2)
+    with capture_logs() as logs, opened(path) as journal:
+        journal.append(KEY, said)
+        for ending in endings:
+            Path(f"{path}{ending}").unlink()
+        # What is asked for meanwhile is still there.
+        assert numbers(journal) == [1, 2, 3, 4]
+        journal.append(KEY, said)
+        journal.append(KEY, said)
+        assert not journal.broken_off
+        assert numbers(journal) == [1, 2, 3, 4, 5, 6]
+        assert sum("removed while in use" in log["event"] for log in logs) == 1
+        # A power cut now.
+        shutil.copytree(tmp_path, tmp_path / "cut")
+    with opened(tmp_path / "cut" / "r1") as after:
+        assert after.run == run
+        assert numbers(after) == [1, 2, 3, 4, 5, 6]
+        assert after.holding().acknowledged == 2
+
+
 def test_garbage_beside_the_file_does_no_harm(tmp_path: Path) -> None:
     path = tmp_path / "r1"
     run = filled(path, 5)

@@ -196,6 +196,26 @@ def test_once_the_disk_recovers_nothing_is_missing(
     assert recording.report.complete
 
 
+@pytest.mark.parametrize("elsewhere", [False, True], ids=["removed", "moved"])
+def test_a_recording_that_is_removed_while_in_use_is_written_anew(
+    tmp_path: Path, elsewhere: bool
+) -> None:
+    sent = list(traffic(30))
+    part = tmp_path / "a.mcap.part"
+    with Recorder(tmp_path / "a.mcap", {}, monotonic_ns=hurried()) as recorder:
+        for number, (time_ns, key, payload) in enumerate(sent):
+            if number in {20, 50}:
+                wait_until(lambda number=number: recorder.safe == number)
+                part.rename(tmp_path / "b") if elsewhere else part.unlink()
+            recorder.put(key, payload, time_ns)
+        wait_until(lambda: recorder.safe == len(sent))
+        assert [m[2] for m in sent] == [m.payload for m in read_recording(part)]
+        part.unlink()
+    recording = read_recording(tmp_path / "a.mcap")
+    assert [(m.log_time_ns, m.key, m.payload) for m in recording] == sent
+    assert recording.report.complete
+
+
 def test_what_found_no_room_while_the_disk_failed_is_counted_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
