@@ -48,6 +48,11 @@ class Handover(Generic[F]):
         """How many messages nobody took in time."""
         return self._tracks.dropped + self._rare.dropped
 
+    @property
+    def waiting(self) -> int:
+        """How many messages are left here."""
+        return len(self._tracks) + len(self._rare)
+
     def published(self, key_text: str, payload: bytes) -> None:
         """Leave what the post has published, if anybody wants to know it."""
         topic = key_text[key_text.rfind("/") + 1 :]

@@ -1,7 +1,7 @@
-"""Between the post and its page: what is shown goes one way, what people ask for the other.
+"""Between what the post says and who looks at it: what is shown one way, what is asked the other.
 
-The post leaves what it says and goes on; the page's own threads make something of it. A search for
-a way takes long, and holds up neither the post nor those who only watch.
+What the post says is left here; whoever looks makes something of it. A search for a way takes long,
+and holds up neither who leaves something nor those who only watch.
 """
 
 from __future__ import annotations
@@ -55,10 +55,14 @@ class Page:
     def keep_up(self, stop: threading.Event) -> None:
         """Take in what was left, although nobody may look, until ``stop`` is set."""
         while not stop.wait(KEEP_UP_S):
-            with self._board.now():
-                pass
-            with self._paths.now():
-                pass
+            self.take_in()
+
+    def take_in(self) -> None:
+        """Take in what was left, at the expense of whoever calls this."""
+        with self._board.now():
+            pass
+        with self._paths.now():
+            pass
 
     def since(self, version: int) -> Changes:
         """Return what has changed since ``version`` of the board."""
@@ -84,6 +88,11 @@ class Page:
             return paths.rescue(responder_id)
 
     @property
+    def waiting(self) -> int:
+        """How many messages of the post wait to be taken in."""
+        return max(self._board.waiting, self._paths.waiting)
+
+    @property
     def dropped(self) -> int:
         """How many messages of the post the page has not taken in time."""
         return self._board.dropped
@@ -104,6 +113,9 @@ class Page:
         key = Key(self._incident, "post", name, _TOPIC_OF[type(message)])
         self._requests.put((str(key), encode(message)))
 
-    def take_requests(self) -> list[tuple[str, bytes]]:
-        """Return what people have asked for since, as messages under their keys."""
-        return self._requests.get_all()
+    def take_requests(self, timeout_s: float = 0.0) -> list[tuple[str, bytes]]:
+        """Return what people have asked for since, as messages under their keys.
+
+        Waits for it as long as ``timeout_s``.
+        """
+        return self._requests.get_all(timeout_s)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from command_post.gateways.at_work import at_work
 from command_post.listening import Address, listening_address
 from command_post.plan_images import Plan
-from command_post.web.app import Site, make_app
-from command_post.web.page import Page
-from command_post.web.people import LOCAL_NAME, Door, Person, load_people
-from command_post.web.serving import LOCAL_NAMES, ServerKeys, served
+from command_post.web.page_process import PageProcess
+from command_post.web.people import LOCAL_NAME, Person, load_people
+from command_post.web.pipe import Serving
+from command_post.web.serving import LOCAL_NAMES, ServerKeys, listening_at, told_where
 from shared.messages import NodeId
 from shared.security.bundle import CERTIFICATE_FILE, KEY_FILE, Bundle
 
@@ -41,7 +40,7 @@ def page_served(
     bundle: Bundle | None,
     people: Path | None,
     plan: Plan = Plan(),  # noqa: B008 - it is immutable
-) -> Iterator[Page | None]:
+) -> Iterator[PageProcess | None]:
     """Serve a page at ``address`` until the block ends, and give it; ``None`` without an address.
 
     Raises ``OSError`` if nobody can listen there, ``ConfigError`` for people that cannot be read,
@@ -50,25 +49,17 @@ def page_served(
     if address is None:
         yield None
         return
-    page = Page(incident)
-    door = None if people is None else Door(_named(people, post_id), time.monotonic())
-    secure = bundle is not None and not address.is_local
-    hosts = LOCAL_NAMES if address.is_local else frozenset[str]()
-    site = Site(incident, post_id, page, door, secure=secure, hosts=hosts, plan=plan)
-    stop = threading.Event()
-    keeper = threading.Thread(target=page.keep_up, args=(stop,), name="page-keeper")
-    with served(lambda ends: make_app(site, ends), address, _keys(bundle) if secure else None):
-        keeper.start()
-        try:
+    named = None if people is None else _named(people, post_id)
+    keys = None if bundle is None or address.is_local else _keys(bundle)
+    hosts = tuple(LOCAL_NAMES) if address.is_local else ()
+    with listening_at(address) as listening:
+        page = PageProcess(Serving(incident, post_id, listening.fileno(), hosts, keys, named, plan))
+        told_where(listening, address, keys)
+        with at_work(page, "page"):
             yield page
-        finally:
-            stop.set()
-            keeper.join()
 
 
-def _keys(bundle: Bundle | None) -> ServerKeys | None:
-    if bundle is None:
-        return None
+def _keys(bundle: Bundle) -> ServerKeys:
     return ServerKeys(bundle.path(CERTIFICATE_FILE), bundle.path(KEY_FILE))
 
 

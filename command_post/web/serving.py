@@ -45,24 +45,36 @@ def served(
 
     It is encrypted by ``keys``, if there are any. Raises ``OSError`` if nobody can listen there.
     """
-    listening = _listen(address)
+    with listening_at(address) as listening, serving_on(listening, app_of, keys):
+        yield told_where(listening, address, keys)
+
+
+@contextmanager
+def serving_on(
+    listening: socket.socket, app_of: Callable[[Ends], Starlette], keys: ServerKeys | None
+) -> Iterator[None]:
+    """Serve what ``app_of`` returns to those who come to ``listening``, until the block ends."""
     server = _server(app_of, keys)
     thread = threading.Thread(target=server.run, args=([listening],), name="page")
     thread.start()
-    port = listening.getsockname()[1]
-    host = f"[{address.host}]" if ":" in address.host else address.host
-    scheme = "http" if keys is None else "https"
-    url = f"{scheme}://{host}:{port}/"
-    _log.info("the page is served", url=url)
     try:
-        yield url
+        yield
     finally:
         server.should_exit = True
         thread.join()
-        listening.close()
 
 
-def _listen(address: Address) -> socket.socket:
+def told_where(listening: socket.socket, address: Address, keys: ServerKeys | None) -> str:
+    """Return where a browser finds what is served there; say it in the log."""
+    host = f"[{address.host}]" if ":" in address.host else address.host
+    scheme = "http" if keys is None else "https"
+    url = f"{scheme}://{host}:{listening.getsockname()[1]}/"
+    _log.info("the page is served", url=url)
+    return url
+
+
+def listening_at(address: Address) -> socket.socket:
+    """Return a socket that listens at ``address``. Raises ``OSError`` if nobody can."""
     family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
     try:
         listening = socket.create_server((address.host, address.port), family=family)

@@ -1,13 +1,14 @@
-"""A post's page with a crowd on it, and nothing else of a post: real server, made-up estimates.
+"""A post's page with a crowd on it, and nothing else of a post: a real page, made-up estimates.
 
 A thread does what the post's would: it says where everybody is, so many times a second each, and
-four times a second who they are. What that costs it, and how late it comes to it because others in
-the process are at work, is told at the end.
+four times a second who they are. What that costs it and the page's own process, and how late it
+comes to it because others in its process are at work, is told at the end.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import socket
 import threading
 import time
@@ -15,15 +16,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import NamedTuple
 
 from command_post.listening import Address
 from command_post.roster import DapRow, ResponderRow, Roster
-from command_post.web.page import Page
+from command_post.web.handover import MOST_TRACKS
+from command_post.web.page_process import PageProcess
 from command_post.web.server import page_served
 from shared.codec import encode
 from shared.messages import FloorShare, LocalPosition, TrackEstimate, TrackStatus
 from shared.units import NS_PER_S
+from tests.waiting import wait_for
 
 KEY = "clew/v1/crowd/post/post/track"
 ROSTER_S = 0.25
@@ -36,14 +40,16 @@ STATUSES: tuple[TrackStatus, ...] = ("tracking",) * 8 + ("dead_reckoning", "reco
 
 
 class Cost(NamedTuple):
-    """What the page costs: seconds of ``lasted_s``; the post's thread has said ``said``.
+    """What ``said`` estimates cost: the post's process, its thread, and the page's process.
 
-    ``late_s`` are the median, the 99th percentile and the longest of how late it came to it.
+    ``late_s`` are the median, the 99th percentile and the longest of how late the post's thread
+    came to what it had to say.
     """
 
     lasted_s: float
     process_cpu_s: float
     post_cpu_s: float
+    page_cpu_s: float
     said: int
     late_s: tuple[float, float, float]
 
@@ -103,7 +109,7 @@ def roster(responders: int, now_ns: int) -> Roster:
 class _Crowd(threading.Thread):
     """The post's thread."""
 
-    def __init__(self, page: Page, responders: int, rate_hz: float) -> None:
+    def __init__(self, page: PageProcess, responders: int, rate_hz: float) -> None:
         super().__init__(name="post")
         self._page, self._responders, self._rate_hz = page, responders, rate_hz
         self.stop = threading.Event()
@@ -117,8 +123,7 @@ class _Crowd(threading.Thread):
             for number in range(self._responders):
                 at_s = 0.5 * second - 0.5 * 2 * WALKED_S
                 self._page.published(KEY, track(number, now_ns + round(at_s * NS_PER_S), at_s))
-            if second % 20 == 0:
-                self._page.since(1)
+            wait_for(lambda: self._page.waiting < MOST_TRACKS // 2, "the page to be told")
         self._page.show(roster(self._responders, now_ns))
 
     def run(self) -> None:
@@ -128,8 +133,8 @@ class _Crowd(threading.Thread):
         while not self.stop.is_set():
             due_s = began_s + self.said * gap_s
             wait_s = due_s - time.monotonic()
-            if wait_s > 0.0:
-                time.sleep(wait_s)
+            if wait_s > 0.0 and self.stop.wait(wait_s):
+                return
             self.late_s.append(time.monotonic() - due_s)
             message = track(self.said % self._responders, time.time_ns(), due_s - began_s)
             self._page.published(KEY, message)
@@ -137,7 +142,31 @@ class _Crowd(threading.Thread):
             if due_s >= next_roster_s:
                 self._page.show(roster(self._responders, time.time_ns()))
                 next_roster_s += ROSTER_S
-        self.cpu_s = time.thread_time()
+            self.cpu_s = time.thread_time()
+
+    def cost_of(self, count: int) -> Cost:
+        """Return what it costs to say ``count`` further estimates."""
+        self.late_s.clear()
+        before = self._spent()
+        wait_for(lambda: self.said >= before.said + count, "all to be said", 60.0 + count / 100.0)
+        spent, late_s = self._spent(), sorted(self.late_s)
+        ranks = (len(late_s) // 2, len(late_s) * 99 // 100, len(late_s) - 1)
+        middle_s, most_s, worst_s = (late_s[rank] for rank in ranks)
+        figures = (now - then for now, then in zip(spent[:-1], before[:-1], strict=True))
+        return Cost(*figures, late_s=(middle_s, most_s, worst_s))
+
+    def _spent(self) -> Cost:
+        page_s = cpu_s_of(self._page.process_id)
+        none = (0.0, 0.0, 0.0)
+        return Cost(time.monotonic(), time.process_time(), self.cpu_s, page_s, self.said, none)
+
+
+def cpu_s_of(process_id: int | None) -> float:
+    """Return the processor time that another process has spent; 0 if there is none."""
+    if process_id is None:
+        return 0.0
+    fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(") ")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 
 
 def _serve(responders: int, rate_hz: float, pipe: Connection) -> None:
@@ -150,37 +179,25 @@ def _serve(responders: int, rate_hz: float, pipe: Connection) -> None:
         crowd.walk_before()
         crowd.start()
         pipe.send(address.port)
-        pipe.recv()
-        began_s, cpu_s, said = time.monotonic(), time.process_time(), crowd.said
-        crowd.late_s.clear()
-        pipe.recv()
-        lasted_s, cpu_s = time.monotonic() - began_s, time.process_time() - cpu_s
-        late_s = sorted(crowd.late_s)
+        seconds: float = pipe.recv()
+        pipe.send(crowd.cost_of(round(seconds * rate_hz * responders)))
         crowd.stop.set()
         crowd.join()
-        ranks = (len(late_s) // 2, len(late_s) * 99 // 100, len(late_s) - 1)
-        middle_s, most_s, worst_s = (late_s[rank] for rank in ranks)
-        share = (crowd.said - said) / crowd.said
-        pipe.send(
-            Cost(lasted_s, cpu_s, share * crowd.cpu_s, crowd.said - said,
-                 (middle_s, most_s, worst_s))
-        )  # fmt: skip
 
 
 class Served:
-    """A page in a process of its own; ``begin`` and ``end`` enclose what is measured."""
+    """A crowded page; ``begin`` and ``end`` enclose what is measured."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
         self.url = f"http://127.0.0.1:{pipe.recv()}/"
 
-    def begin(self) -> None:
-        """Count from now on."""
-        self._pipe.send(None)
+    def begin(self, seconds: float) -> None:
+        """Count from now on, until as much has been said as is in so long."""
+        self._pipe.send(seconds)
 
     def end(self) -> Cost:
-        """Say what it has cost since."""
-        self._pipe.send(None)
+        """Say what it has cost, once it has been said."""
         cost: Cost = self._pipe.recv()
         return cost
 
@@ -192,8 +209,10 @@ def crowded_page(responders: int, rate_hz: float) -> Iterator[Served]:
     ours, theirs = spawning.Pipe()
     process = spawning.Process(target=_serve, args=(responders, rate_hz, theirs))
     process.start()
+    theirs.close()
     try:
         yield Served(ours)
     finally:
+        ours.close()
         process.join(10.0)
         process.kill()

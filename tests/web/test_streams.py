@@ -14,10 +14,10 @@ import pytest
 from starlette.types import Message
 
 from command_post.listening import Address
-from command_post.web.app import Events, Frames
+from command_post.web.app import Events, Frames, Site, make_app
 from command_post.web.board import Board, Changes
 from command_post.web.page import Page
-from command_post.web.server import page_served
+from command_post.web.serving import LOCAL_NAMES, listening_at, serving_on
 from tests.waiting import DEADLINE_S, wait_for
 from tests.web.test_board import KEY, track
 
@@ -67,11 +67,13 @@ class Serving(NamedTuple):
 
 @contextmanager
 def serving() -> Iterator[Serving]:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        address = Address(*free.getsockname())
-    with page_served(address, "test", "post", None, None) as page:
-        assert page is not None
-        yield Serving(page, address)
+    page = Page("test")
+    site = Site("test", "post", page, None, secure=False, hosts=LOCAL_NAMES)
+    with (
+        listening_at(Address("127.0.0.1", 0)) as listening,
+        serving_on(listening, lambda ends: make_app(site, ends), None),
+    ):
+        yield Serving(page, Address(*listening.getsockname()))
 
 
 def crowd_at(page: Page, step: int, crowd: int = CROWD) -> float:

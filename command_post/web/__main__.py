@@ -1,0 +1,105 @@
+"""The page's own process: the post starts it, tells it what there is, and hears what is asked.
+
+``python -m command_post.web`` has a local socket as its standard input: it reads there, in frames
+of ``command_post.web.pipe``, what there is, and writes there what people ask for. It ends once the
+post has gone, however that went: the other end closes.
+"""
+
+from __future__ import annotations
+
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import IO
+
+import msgspec
+
+from command_post.web.app import Site, make_app
+from command_post.web.handover import MOST_TRACKS
+from command_post.web.page import Page
+from command_post.web.people import Door
+from command_post.web.pipe import Serving, Telling, read, write
+from command_post.web.serving import serving_on
+from shared.process import configure_logging
+
+ASKED_S = 0.2
+"""Whoever passes on what is asked looks so often whether it is to end."""
+
+_telling = msgspec.msgpack.Decoder(Telling)
+
+
+def main() -> None:
+    """Serve the page until standard input ends."""
+    # Ctrl-C goes to all processes of a terminal; the post says when this one is to end.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    configure_logging("warning")
+    with socket.socket(fileno=sys.stdin.fileno()) as post:
+        _serve(post)
+
+
+def _serve(post: socket.socket) -> None:
+    with post.makefile("rb") as said, post.makefile("wb") as answers:
+        frames = read(said)
+        first = next(frames, None)
+        if first is None:
+            return
+        serving = msgspec.msgpack.decode(first, type=Serving)
+        page = Page(serving.incident)
+        site = _site(serving, page)
+        listening = socket.socket(fileno=serving.listening)
+        with (
+            _at_it(page, answers),
+            serving_on(listening, lambda ends: make_app(site, ends), serving.keys),
+        ):
+            for frame in frames:
+                _take_in(page, _telling.decode(frame))
+
+
+def _take_in(page: Page, new: Telling) -> None:
+    for key_text, payload in new.published:
+        page.published(key_text, payload)
+        if page.waiting > MOST_TRACKS // 2:
+            page.take_in()
+    if new.roster is not None:
+        page.show(new.roster)
+
+
+def _site(serving: Serving, page: Page) -> Site:
+    return Site(
+        serving.incident, serving.post_id, page,
+        None if serving.people is None else Door(serving.people, time.monotonic()),
+        secure=serving.keys is not None, hosts=frozenset(serving.hosts), plan=serving.plan,
+    )  # fmt: skip
+
+
+@contextmanager
+def _at_it(page: Page, answers: IO[bytes]) -> Iterator[None]:
+    """Keep the page up with the post, and pass on to it what people ask for."""
+    stop = threading.Event()
+
+    def pass_on() -> None:
+        while not stop.is_set():
+            for asked in page.take_requests(ASKED_S):
+                with suppress(BrokenPipeError):
+                    write(answers, asked)
+
+    threads = [
+        threading.Thread(target=page.keep_up, args=(stop,), name="page-keeper"),
+        threading.Thread(target=pass_on, name="page-asks"),
+    ]
+    for thread in threads:
+        thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+
+
+if __name__ == "__main__":
+    main()
