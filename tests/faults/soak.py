@@ -1,12 +1,16 @@
 """Does anything leak? Long-lived nodes in a hurry, with an eye on what each process holds.
 
 ``python -m tests.faults.soak --hours 24 --speed 60`` runs a post, a DAP that relays, two units that
-say ``speed`` strides a second each through it, journalled and acknowledged, and a third agent, a
-whole one, that comes and goes over and over. That lasts ``hours / speed`` real hours. It prints
-JSON, an object a line: what each process holds over time, and at the end by how much that grew from
-the first quarter to the last. Descriptors and threads must not grow at all. The post's horizon is
-so many times as near, so that memory is to be flat since that was full: the line through it since
-then must not rise by more than 1 % of it in an hour of the incident.
+say ``speed`` strides a second each through it (``--strides`` times as many), journalled and
+acknowledged, and a third agent, a whole one, that comes and goes over and over. That lasts
+``hours / speed`` real hours. It prints JSON, an object a line: what each process holds over time,
+and at the end by how much that grew from the first quarter to the last. Descriptors and threads
+must not grow at all. The post's horizon is so many times as near, so that memory is to be flat
+since that was full: the line through it since then must not rise by more than 1 % of it in an hour
+of the incident.
+
+What a post does not get to waits in its memory, as it should: a machine that is too slow, or busy
+with other work, shows as ``most_waiting`` messages, and says nothing of leaks.
 """
 
 from __future__ import annotations
@@ -19,9 +23,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
+from urllib.request import urlopen
 
+from shared.bus.loopback import free_ports
 from shared.recording_parts import files_of
 from tests.bus.test_zenoh import free_endpoint
 
@@ -32,6 +39,9 @@ FULL_H = 6.0
 
 MOST_GROWTH = 0.01
 """Of a process' memory, in an hour of the incident."""
+
+MOST_WAITING = 2000
+"""Messages: with more the post does not keep up."""
 
 SETTLED_S = 15.0
 """A process that has just started still grows into its work."""
@@ -64,10 +74,12 @@ def held_by(pid: int) -> Held | None:
 class Nodes:
     """The processes of a soak, each with a log of its own."""
 
-    def __init__(self, folder: Path, speed: float) -> None:
+    def __init__(self, folder: Path, speed: float, strides: float) -> None:
         self._folder = folder
         self._speed = speed
+        self._strides = strides
         self._endpoints = {"post": free_endpoint(), "dap1": free_endpoint()}
+        self._metrics = f"127.0.0.1:{free_ports(1)[0]}"
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.visits = 0
 
@@ -78,14 +90,23 @@ class Nodes:
         of_incident = ("--incident", INCIDENT, "--insecure", "--with-parent")
         post, dap = self._endpoints["post"], self._endpoints["dap1"]
         self._run("post", "command_post", "run", *of_incident, "--listen", post,
-                  "--record", str(self._folder / "soak.mcap"),
+                  "--record", str(self._folder / "soak.mcap"), "--metrics", self._metrics,
                   "--horizon", str(HORIZON_MIN / self._speed),
                   "--lateness", str(LATENESS_MIN / self._speed))  # fmt: skip
         self._run("dap1", "dap_node", "run", *of_incident, "--id", "dap1", "--await-start",
                   "--source", "simulated:corridor", "--listen", dap, "--connect", post)  # fmt: skip
         for name in WALKING:
             journal = str(self._folder / f"{name}.journal")
-            self._run(name, "tests.faults.talker", dap, INCIDENT, name, journal, str(self._speed))
+            self._run(name, "tests.faults.talker", dap, INCIDENT, name, journal,
+                      str(self._strides * self._speed))  # fmt: skip
+
+    def waiting(self) -> int:
+        """Return how many messages the post has not got to; 0 before it says so."""
+        with suppress(OSError), urlopen(f"http://{self._metrics}/metrics", timeout=5.0) as told:
+            for line in told.read().decode().splitlines():
+                if line.startswith("clew_inbox_messages "):
+                    return round(float(line.split()[1]))
+        return 0
 
     def receive_visitor(self) -> None:
         """Have the visitor come if they are not here."""
@@ -119,13 +140,14 @@ class Nodes:
             )
 
 
-def soak(folder: Path, hours: float, speed: float) -> bool:
+def soak(folder: Path, hours: float, speed: float, strides: float) -> bool:
     """Run the nodes and print what they hold; return whether all ended well, and nothing leaked."""
     real_s = hours * 3600.0 / speed
     period_s = max(real_s / SAMPLES, 1.0)
     series: dict[str, list[Held]] = {}
     since_full: dict[str, list[tuple[float, float]]] = {}
-    nodes = Nodes(folder, speed)
+    most_waiting = 0
+    nodes = Nodes(folder, speed, strides)
     nodes.start()
     began_s = time.monotonic()
     while (since_s := time.monotonic() - began_s) < real_s and not nodes.ended():
@@ -138,7 +160,11 @@ def soak(folder: Path, hours: float, speed: float) -> bool:
                     at_h = since_s * speed / 3600.0
                     since_full.setdefault(name, []).append((at_h, held.memory_mb))
         told = {name: held._asdict() for name, held in now.items() if held is not None}
-        _tell({"real_s": round(since_s, 1), "visits": nodes.visits, "held": told})
+        waiting = nodes.waiting()
+        most_waiting = max(most_waiting, waiting)
+        _tell(
+            {"real_s": round(since_s, 1), "visits": nodes.visits, "waiting": waiting, "held": told}
+        )
         time.sleep(period_s)
     ended, codes = nodes.ended(), nodes.stop()
     growth = {name: grown(held) for name, held in series.items()}
@@ -148,8 +174,8 @@ def soak(folder: Path, hours: float, speed: float) -> bool:
     recorded_mb = sum(each.stat().st_size for each in files_of(folder / "soak.mcap").values()) / 1e6
     risen_mb = {name: each._asdict() for name, each in risen.items()}
     said = {"grown": growth, "since_full": risen_mb, "flat": is_flat, "recorded_mb": recorded_mb}
-    _tell({**said, "ended_early": ended, "exit_codes": codes})
-    return is_flat and not ended and not any(codes.values())
+    _tell({**said, "most_waiting": most_waiting, "ended_early": ended, "exit_codes": codes})
+    return most_waiting <= MOST_WAITING and is_flat and not ended and not any(codes.values())
 
 
 class Rise(NamedTuple):
@@ -195,9 +221,10 @@ def main() -> int:
         "--hours", type=float, default=24.0, help="of an incident at its usual pace"
     )
     parser.add_argument("--speed", type=float, default=60.0, help="times as fast as real")
+    parser.add_argument("--strides", type=float, default=1.0, help="a second of each, at that pace")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="clew-soak-") as folder:
-        return 0 if soak(Path(folder), given.hours, given.speed) else 1
+        return 0 if soak(Path(folder), given.hours, given.speed, given.strides) else 1
 
 
 if __name__ == "__main__":

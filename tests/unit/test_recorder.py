@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -196,6 +197,10 @@ def test_once_the_disk_recovers_nothing_is_missing(
     assert recording.report.complete
 
 
+def _is_safe(recorder: Recorder, count: int) -> bool:
+    return recorder.safe == count
+
+
 @pytest.mark.parametrize("elsewhere", [False, True], ids=["removed", "moved"])
 def test_a_recording_that_is_removed_while_in_use_is_written_anew(
     tmp_path: Path, elsewhere: bool
@@ -205,7 +210,7 @@ def test_a_recording_that_is_removed_while_in_use_is_written_anew(
     with Recorder(tmp_path / "a.mcap", {}, monotonic_ns=hurried()) as recorder:
         for number, (time_ns, key, payload) in enumerate(sent):
             if number in {20, 50}:
-                wait_until(lambda number=number: recorder.safe == number)
+                wait_until(partial(_is_safe, recorder, number))
                 part.rename(tmp_path / "b") if elsewhere else part.unlink()
             recorder.put(key, payload, time_ns)
         wait_until(lambda: recorder.safe == len(sent))
