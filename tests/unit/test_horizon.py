@@ -11,6 +11,7 @@ from msgspec import structs
 
 from command_post.announcer import Outgoing
 from command_post.fusion.settings import FusionSettings
+from command_post.fusion.team import commits
 from command_post.fusion.team.settings import TeamSettings
 from command_post.incident import Incident
 from command_post.incident_settings import IncidentSettings
@@ -78,8 +79,12 @@ def test_what_is_kept_stays_as_much_and_what_is_told_is_the_same(said: list[Said
         assert len(after.tracks[name].time_s) < 0.5 * strides
 
 
-def test_who_is_late_within_what_is_allowed_leaves_no_trace(said: list[Said]) -> None:
-    """Both as a small team, and as crews of a large one."""
+def test_who_is_late_within_what_is_allowed_leaves_no_trace(
+    said: list[Said], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both as a small team, and as crews of a large one; by more than is kept of the past."""
+    for name in ("KEPT", "KEPT_OF_A_CROWD", "KEYFRAME_EVERY"):
+        monkeypatch.setattr(commits, name, 3)
     for crew_most in (3, 1):
         team = structs.replace(TEAM, crew_most=crew_most, anchor_s=20.0)
         settings = IncidentSettings(fusion=FusionSettings(team=team))

@@ -140,10 +140,11 @@ class Commits:
     def crews(self, number: int) -> Crews:
         """Return the crews of a period, by what had happened until it begins."""
         if number not in self._crews:
+            # Before it is added: who asks may ask for one that is earlier than all.
+            if len(self._crews) >= KEPT:
+                del self._crews[min(self._crews)]
             until_ns = self.begin_ns(number)
             self._crews[number] = crews_at(self._bonds, self._log.daps, until_ns, self._settings)
-            if len(self._crews) > KEPT:
-                del self._crews[min(self._crews)]
         return self._crews[number]
 
     def note(self, time_ns: int) -> None:
