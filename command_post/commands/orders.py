@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import structlog
 from cyclopts import Parameter, validators
@@ -42,18 +42,33 @@ ASK_PERIOD_S = 0.5
 NS_PER_MS = 1_000_000
 
 Deviation = Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))]
-Dialled = Annotated[tuple[str, ...], Parameter(consume_multiple=False)]
-SayerId = Annotated[str, Parameter(name="--id")]
 
 
-class Sayer(NamedTuple):
-    """Who says it, in which incident, to whom, and with what keys."""
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Sayer:
+    """The options of who says something: in which incident, to whom, and with what keys.
 
-    incident: str
-    commander_id: str
-    connect: tuple[str, ...]
-    keys: Path | None
-    insecure: bool
+    Attributes
+    ----------
+    incident
+        Name of the incident.
+    connect
+        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
+    keys
+        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
+    insecure
+        Do without keys, on one machine.
+    commander_id
+        Who says so; another name than the post's.
+
+    """
+
+    incident: str = "incident"
+    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = ()
+    keys: Keys = None
+    insecure: Insecure = False
+    commander_id: Annotated[str, Parameter(name="--id")] = "commander"
 
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -66,11 +81,7 @@ def click(
     east: float,
     down: float = 0.0,
     sd: Deviation = 2.0,
-    incident: str = "incident",
-    connect: Dialled = (),
-    keys: Keys = None,
-    insecure: Insecure = False,
-    commander_id: SayerId = "commander",
+    sayer: Sayer = Sayer(),
 ) -> int:
     """Say where a responder is now, as by a click on the map: 'he is here'.
 
@@ -88,16 +99,8 @@ def click(
         Metres below it; what floor they are on is better said by 'floor'.
     sd
         Give or take so many metres, in each direction (standard deviation).
-    incident
-        Name of the incident.
-    connect
-        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
-    keys
-        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
-    insecure
-        Do without keys, on one machine.
-    commander_id
-        Who says so; another name than the post's.
+    sayer
+        Who says so.
 
     """
 
@@ -110,9 +113,7 @@ def click(
             responder_id=responder, source="commander", position=place,
         )  # fmt: skip
 
-    return say(
-        fix, Sayer(incident, commander_id, connect, keys, insecure), "--responder", (responder,)
-    )
+    return say(fix, sayer, "--responder", (responder,))
 
 
 def floor(
@@ -121,11 +122,7 @@ def floor(
     responder: str | None = None,
     dap: str | None = None,
     sd: Deviation = 0.5,
-    incident: str = "incident",
-    connect: Dialled = (),
-    keys: Keys = None,
-    insecure: Insecure = False,
-    commander_id: SayerId = "commander",
+    sayer: Sayer = Sayer(),
 ) -> int:
     """Say on what floor a responder is now, or on what floor a DAP stands.
 
@@ -141,16 +138,8 @@ def floor(
         Which DAP it is about; or a responder.
     sd
         Give or take so many metres (standard deviation).
-    incident
-        Name of the incident.
-    connect
-        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
-    keys
-        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
-    insecure
-        Do without keys, on one machine.
-    commander_id
-        Who says so; another name than the post's.
+    sayer
+        Who says so.
 
     """
     node_id = responder or dap
@@ -166,7 +155,7 @@ def floor(
         )  # fmt: skip
 
     option = "--responder" if responder else "--dap"
-    return say(fix, Sayer(incident, commander_id, connect, keys, insecure), option, (node_id,))
+    return say(fix, sayer, option, (node_id,))
 
 
 def order(
@@ -175,11 +164,7 @@ def order(
     to: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
     everybody: Annotated[bool, Parameter(name="--all", negative="")] = False,
     text: str = "",
-    incident: str = "incident",
-    connect: Dialled = (),
-    keys: Keys = None,
-    insecure: Insecure = False,
-    commander_id: SayerId = "commander",
+    sayer: Sayer = Sayer(),
 ) -> int:
     """Have the post order responders something, until each has acknowledged it.
 
@@ -197,16 +182,8 @@ def order(
         All responders; to evacuate, also those who are heard later.
     text
         What to tell them, up to 200 characters.
-    incident
-        Name of the incident.
-    connect
-        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
-    keys
-        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
-    insecure
-        Do without keys, on one machine.
-    commander_id
-        Who orders it; another name than the post's.
+    sayer
+        Who says so.
 
     """
     if bool(to) == everybody or (kind == "message" and not text):
@@ -218,7 +195,6 @@ def order(
         which: OrderKind | Literal["withdraw"] = "roll_call" if kind == "roll-call" else kind
         return OrderRequest(event_time_ns=time_ns, sequence=sequence, kind=which, to=to, text=text)
 
-    sayer = Sayer(incident, commander_id, connect, keys, insecure)
     return say(request, sayer, "--to", to, await_outcome=_await_answer)
 
 
@@ -229,11 +205,7 @@ def set_down(
     east: float,
     down: float = 0.0,
     sd: Deviation = 1.0,
-    incident: str = "incident",
-    connect: Dialled = (),
-    keys: Keys = None,
-    insecure: Insecure = False,
-    commander_id: SayerId = "commander",
+    sayer: Sayer = Sayer(),
 ) -> int:
     """Tell a DAP that it stands at a place, as by a click on the map, and wait until it says so.
 
@@ -251,16 +223,8 @@ def set_down(
         Metres below it.
     sd
         Give or take so many metres, in each direction (standard deviation).
-    incident
-        Name of the incident.
-    connect
-        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
-    keys
-        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
-    insecure
-        Do without keys, on one machine.
-    commander_id
-        Who says so; another name than the post's.
+    sayer
+        Who says so.
 
     """
     place = LocalPosition(
@@ -270,7 +234,6 @@ def set_down(
     def tell(time_ns: int, sequence: int) -> Message:
         return SetDownHere(event_time_ns=time_ns, sequence=sequence, dap_id=dap, position=place)
 
-    sayer = Sayer(incident, commander_id, connect, keys, insecure)
     return say(tell, sayer, "--dap", (dap,), await_outcome=_await_installation)
 
 

@@ -8,13 +8,12 @@ import structlog
 
 from command_post.commands import orders
 from command_post.commands.answers import answered
-from command_post.commands.orders import Dialled, Sayer, SayerId, say
+from command_post.commands.orders import Sayer, say
 from shared.bus.interface import Bus
 from shared.gate import Gate
 from shared.geodesy import parse_origin
 from shared.messages import Message, OriginSet
 from shared.process import ExitCode
-from shared.security.opening import Insecure, Keys
 from shared.sender import Sender
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -24,11 +23,7 @@ def origin(
     action: Literal["set"],  # noqa: ARG001
     place: str,
     *,
-    incident: str = "incident",
-    connect: Dialled = (),
-    keys: Keys = None,
-    insecure: Insecure = False,
-    commander_id: SayerId = "commander",
+    sayer: Sayer = Sayer(),  # noqa: B008 - it is frozen
 ) -> int:
     """Say where on the Earth the incident's origin is, or correct it, and wait until it is so.
 
@@ -43,16 +38,8 @@ def origin(
         LATITUDE,LONGITUDE[,HEIGHT[,BEARING]], degrees and metres above the ellipsoid; BEARING is
         how far the incident's north is clockwise of true north. Write '-- -33.8,151.2' in the
         south.
-    incident
-        Name of the incident.
-    connect
-        The running post, or DAPs, to dial, one an option; by default port 7447 of this machine.
-    keys
-        Folder of the commander's keys, as of a post of that name ('command-post keys issue').
-    insecure
-        Do without keys, on one machine.
-    commander_id
-        Who says so; another name than the post's.
+    sayer
+        Who says so.
 
     """
     try:
@@ -64,8 +51,7 @@ def origin(
     def request(time_ns: int, sequence: int) -> Message:
         return where.as_message(time_ns, sequence)
 
-    sayer = Sayer(incident, commander_id, connect, keys, insecure)
-    return say(request, sayer, "--id", (commander_id,), await_outcome=_await_statement)
+    return say(request, sayer, "--id", (sayer.commander_id,), await_outcome=_await_statement)
 
 
 def _await_statement(bus: Bus, asked: Message, sender: Sender, gate: Gate) -> int:
