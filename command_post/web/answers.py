@@ -10,6 +10,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
+from command_post.web.calls import PARAMETERS
+
 MOST_BODY_BYTES = 65_536
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -36,6 +38,17 @@ async def body_of(request: Request, kind: type[T], most_bytes: int = MOST_BODY_B
         return msgspec.json.decode(body, type=kind)
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
         raise RefusedError(HTTPStatus.BAD_REQUEST, str(error)) from None
+
+
+def parameters_of(request: Request) -> dict[str, object]:
+    """Return what the path names, as it must be. Raises ``RefusedError`` for what cannot be."""
+    try:
+        return {
+            name: msgspec.convert(text, PARAMETERS[name], strict=False)
+            for name, text in request.path_params.items()
+        }
+    except msgspec.ValidationError as error:
+        raise RefusedError(HTTPStatus.NOT_FOUND, str(error)) from None
 
 
 async def tell_refusal(_: Request, refused: Exception) -> Response:

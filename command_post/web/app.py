@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import suppress
 from http import HTTPStatus
 from importlib.resources import files
@@ -25,11 +25,10 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from command_post.plan_images import Plan
-from command_post.web.answers import RefusedError, body_of, json_answer, tell_refusal
+from command_post.web.answers import RefusedError, body_of, json_answer, parameters_of, tell_refusal
 from command_post.web.board import Changes
 from command_post.web.calls import (
     CALLS,
-    PARAMETERS,
     AlertBody,
     Asked,
     Call,
@@ -95,6 +94,8 @@ def make_app(site: Site, ends: Callable[[], bool]) -> Starlette:
 
 
 class _Api:
+    """Does each of ``CALLS``: the method of its name, given the request, who asks, and the body."""
+
     def __init__(self, site: Site, ends: Callable[[], bool]) -> None:
         self._site = site
         self._ends = ends
@@ -104,6 +105,7 @@ class _Api:
         self._local = local if site.door is None else None
 
     def routes(self) -> list[Route]:
+        """Return what is answered where."""
         return [Route(call.path, self._handler(call), methods=[call.method]) for call in CALLS]
 
     def _handler(self, call: Call) -> Handler:
@@ -115,7 +117,7 @@ class _Api:
                 session = self._session(request)
             else:
                 session = self._may(request, call.role, changes=call.method == "POST")
-            request.scope["path_params"] = _parameters(request.path_params)
+            request.scope["path_params"] = parameters_of(request)
             if call.takes is None:
                 answer: Response = await do(request, session)
             else:
@@ -125,15 +127,18 @@ class _Api:
         return handle
 
     async def openapi(self, _: Request, __: Session | None) -> Response:
+        """Tell other programs what can be asked for."""
         return json_answer(openapi_of(CALLS))
 
     async def me(self, _: Request, session: Session | None) -> Response:
+        """Say which incident this is, and who asks."""
         me = Me(self._site.incident, self._site.post_id)
         if session is not None:
             me.name, me.role, me.token = session.name, session.role, session.token
         return json_answer(me)
 
     async def sign_in(self, _: Request, __: Session | None, given: SignIn) -> Response:
+        """Begin a session, which the browser keeps where no script reads it."""
         door = self._site.door
         if door is None:
             return json_answer(SignedIn())
@@ -152,6 +157,7 @@ class _Api:
         return response
 
     async def sign_out(self, request: Request, _: Session) -> Response:
+        """End the session."""
         if self._site.door is not None:
             self._site.door.sign_out(request.cookies.get(COOKIE))
         response = json_answer(Nothing())
@@ -159,9 +165,11 @@ class _Api:
         return response
 
     async def state(self, _: Request, __: Session) -> Response:
+        """Tell all there is to see."""
         return json_answer(await asyncio.to_thread(self._site.page.since, 0))
 
     async def features(self, _: Request, __: Session) -> Response:
+        """Tell who and what is where on the Earth, once that is known."""
         collection = await asyncio.to_thread(self._site.page.features)
         if collection is None:
             why = "nobody has said where on the Earth this is: set the incident's origin"
@@ -169,6 +177,7 @@ class _Api:
         return json_answer(collection, media_type="application/geo+json")
 
     async def way_out(self, request: Request, _: Session) -> Response:
+        """Find somebody's way out, along what was walked."""
         responder_id = request.path_params["responder_id"]
         way = await asyncio.to_thread(self._site.page.way_out, responder_id)
         if way is None:
@@ -176,6 +185,7 @@ class _Api:
         return json_answer(Sent(responder_id, way))
 
     async def rescue(self, request: Request, _: Session) -> Response:
+        """Find who is soonest with somebody, and by what way."""
         responder_id = request.path_params["responder_id"]
         sent = await asyncio.to_thread(self._site.page.rescue, responder_id)
         if sent is None:
@@ -183,6 +193,7 @@ class _Api:
         return json_answer(Sent(*sent))
 
     async def events(self, request: Request, _: Session) -> Response:
+        """Tell what changes, as it does; all there is to who knows no version of this run."""
         run, version = request.headers.get("last-event-id", "").partition("-")[::2]
         known = run == self._run and version.isdecimal() and len(version) < LONGEST_VERSION
         return Events(
@@ -192,15 +203,18 @@ class _Api:
         )
 
     async def plan(self, _: Request, __: Session) -> Response:
+        """Tell the building's walls, and where images of it lie."""
         return json_answer(self._site.plan.view)
 
     async def plan_image(self, request: Request, _: Session) -> Response:
+        """Give an image of a storey."""
         number, images = request.path_params["number"], self._site.plan.images
         if number >= len(images):
             raise RefusedError(HTTPStatus.NOT_FOUND, "there is no such image")
         return Response(images[number], media_type="image/png")
 
     async def order(self, _: Request, session: Session, given: OrderBody) -> Response:
+        """Ask the post to order somebody to do something."""
         return self._asked(
             session,
             OrderRequest(
@@ -210,6 +224,7 @@ class _Api:
         )  # fmt: skip
 
     async def alert(self, request: Request, session: Session, given: AlertBody) -> Response:
+        """Ask the post to take an alert a stage further."""
         return self._asked(
             session,
             AlertRequest(
@@ -220,6 +235,7 @@ class _Api:
         )  # fmt: skip
 
     async def click(self, _: Request, session: Session, given: ClickBody) -> Response:
+        """Ask the post to hold that somebody is at a place."""
         place = LocalPosition(
             north_m=given.north_m, east_m=given.east_m, down_m=given.down_m,
             covariance_m2=(given.sd_m**2, 0.0, given.sd_m**2),
@@ -233,6 +249,7 @@ class _Api:
         )  # fmt: skip
 
     async def set_origin(self, _: Request, session: Session, given: OriginBody) -> Response:
+        """Ask the post to hold that a place of the incident is there on the Earth."""
         page = self._site.page
         at = Geodetic(given.latitude_deg, given.longitude_deg, given.height_m)
         origin = Origin.through(at, given.bearing_deg, (given.north_m, given.east_m))
@@ -270,17 +287,6 @@ class _Api:
         if not session.may(role):
             raise RefusedError(HTTPStatus.FORBIDDEN, f"a {session.role} may not; a {role} may")
         return session
-
-
-def _parameters(given: Mapping[str, str]) -> dict[str, object]:
-    """Return what the path names, as it must be; refuse what there cannot be."""
-    try:
-        return {
-            name: msgspec.convert(text, PARAMETERS[name], strict=False)
-            for name, text in given.items()
-        }
-    except msgspec.ValidationError as error:
-        raise RefusedError(HTTPStatus.NOT_FOUND, str(error)) from None
 
 
 class Events(StreamingResponse):

@@ -6,7 +6,9 @@ document that tells other programs is written from it. What changes anything is 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from http import HTTPStatus
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
@@ -63,13 +65,17 @@ class OriginBody(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Me(msgspec.Struct, omit_defaults=True):
-    """Which incident and post this is, and who one is, if one has signed in."""
+    """Which incident and post this is, and who one is, if one has signed in.
+
+    ``review``: it is past, and there is nothing to be done.
+    """
 
     incident: NodeId
     post: NodeId
     name: NodeId | None = None
     role: Role | None = None
     token: str | None = None
+    review: bool = False
 
 
 class SignedIn(msgspec.Struct, omit_defaults=True):
@@ -106,8 +112,9 @@ class Refusal(msgspec.Struct):
 class Call(NamedTuple):
     """One thing that can be asked for; whoever has ``role`` may, anybody if that is ``None``.
 
-    ``takes`` is the body; ``gives`` the answer, as ``media_type``. ``name`` is the method that does
-    it. ``refuses`` are the statuses beside those that ``role`` and ``takes`` bring with them.
+    ``takes`` is the body, ``asks`` what stands after the path's question mark; ``gives`` the
+    answer, as one of ``media_types``. ``name`` is the method that does it. ``refuses`` are the
+    statuses beside those that ``role`` and ``takes`` bring with them.
     """
 
     name: str
@@ -118,11 +125,14 @@ class Call(NamedTuple):
     gives: Any
     takes: type[msgspec.Struct] | None = None
     status: HTTPStatus = HTTPStatus.OK
-    media_type: str = "application/json"
+    media_types: tuple[str, ...] = ("application/json",)
     refuses: tuple[HTTPStatus, ...] = ()
+    asks: Mapping[str, Any] = MappingProxyType({})
 
 
-PARAMETERS: dict[str, Any] = {"responder_id": NodeId, "number": Sequence}
+PARAMETERS: dict[str, Any] = {
+    "responder_id": NodeId, "number": Sequence, "ending": Literal["csv", "geojson", "kml", "html"],
+}  # fmt: skip
 """What a name in a path is."""
 
 _ACCEPTED, _MISSING = HTTPStatus.ACCEPTED, HTTPStatus.NOT_FOUND
@@ -135,7 +145,7 @@ CALLS: tuple[Call, ...] = (
     Call("sign_out", "POST", "/sign-out", "End the session.", "viewer", Nothing),
     Call("state", "GET", "/state", "All there is to see.", "viewer", Changes),
     Call("features", "GET", "/features.geojson", "Who and what is where on the Earth.", "viewer",
-         dict[str, Any], media_type="application/geo+json", refuses=(_MISSING,)),
+         dict[str, Any], media_types=("application/geo+json",), refuses=(_MISSING,)),
     Call("way_out", "GET", "/ways/out/{responder_id}", "The way out that was walked.", "viewer",
          Sent, refuses=(_MISSING,)),
     Call("rescue", "GET", "/ways/rescue/{responder_id}", "Who is soonest there, and how.", "viewer",
@@ -143,9 +153,9 @@ CALLS: tuple[Call, ...] = (
     Call("plan", "GET", "/plan", "The building's walls, and where images of it lie.", "viewer",
          PlanView),
     Call("plan_image", "GET", "/plan/{number}", "An image of a storey.", "viewer", str,
-         media_type="image/png", refuses=(_MISSING,)),
+         media_types=("image/png",), refuses=(_MISSING,)),
     Call("events", "GET", "/events", "What has changed, as it does: server-sent events.", "viewer",
-         str, media_type="text/event-stream"),
+         str, media_types=("text/event-stream",)),
     Call("order", "POST", "/orders", "Order somebody to do something.", "commander", Asked,
          OrderBody, _ACCEPTED),
     Call("alert", "POST", "/alerts/{number}", "Deal with an alert.", "operator", Asked,

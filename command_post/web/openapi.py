@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import msgspec
 
+from command_post.roster_json import ROSTER
 from command_post.web.answers import MOST_BODY_BYTES
 from command_post.web.calls import PARAMETERS, Call, Refusal
 
@@ -26,15 +27,19 @@ _BODY = (
 
 
 def openapi_of(calls: Iterable[Call]) -> Document:
-    """Return the document of ``calls``, all of them under ``/api/v1``."""
+    """Return the document of ``calls``, all of them under ``/api/v1``; one tells ``Changes``."""
     calls = tuple(calls)
     kinds = dict.fromkeys(
         kind for call in calls for kind in (call.gives, call.takes) if kind is not None
     )
+    told = (*kinds, Refusal, ROSTER)
     schemas, components = msgspec.json.schema_components(
-        (*kinds, Refusal), ref_template="#/components/schemas/{name}"
+        told, ref_template="#/components/schemas/{name}"
     )
-    schema_of = dict(zip((*kinds, Refusal), schemas, strict=True))
+    schema_of = dict(zip(told, schemas, strict=True))
+    # What is encoded once for all who watch says nothing of itself.
+    encoded = {"anyOf": [schema_of[ROSTER], {"type": "null"}], "default": None}
+    components["Changes"]["properties"]["roster"] = encoded
     paths: Document = {}
     for call in calls:
         paths.setdefault(call.path, {})[call.method.lower()] = _operation(call, schema_of)
@@ -72,12 +77,11 @@ def _operation(call: Call, schema_of: dict[Any, Document]) -> Document:
         },
     }
     named = _PARAMETER.findall(call.path)
-    if named:
+    if named or call.asks:
         told["parameters"] = [
-            {"name": name, "in": "path", "required": True,
-             "schema": msgspec.json.schema(PARAMETERS[name])}
-            for name in named
-        ]  # fmt: skip
+            *(_parameter(name, "path", PARAMETERS[name]) for name in named),
+            *(_parameter(name, "query", kind) for name, kind in call.asks.items()),
+        ]
     if call.takes is not None:
         told["requestBody"] = {
             "required": True,
@@ -91,6 +95,10 @@ def _operation(call: Call, schema_of: dict[Any, Document]) -> Document:
     return told
 
 
+def _parameter(name: str, where: str, kind: Any) -> Document:
+    return {"name": name, "in": where, "required": True, "schema": msgspec.json.schema(kind)}
+
+
 def _refusals(call: Call) -> list[HTTPStatus]:
     by_role = () if call.role is None else (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN)
     by_body = () if call.takes is None else _BODY
@@ -98,4 +106,5 @@ def _refusals(call: Call) -> list[HTTPStatus]:
 
 
 def _content(schema: Document, call: Call | None = None) -> Document:
-    return {"application/json" if call is None else call.media_type: {"schema": schema}}
+    media_types = ("application/json",) if call is None else call.media_types
+    return {media_type: {"schema": schema} for media_type in media_types}

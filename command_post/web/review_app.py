@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 import secrets
+from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from importlib.resources import files
 from itertools import pairwise
@@ -29,11 +30,19 @@ from command_post.review.background import Background
 from command_post.review.past import Past
 from command_post.review.timeline import Timeline, timeline_of
 from command_post.review.wishes import Wish
-from command_post.web.answers import RefusedError, body_of, json_answer, tell_refusal
+from command_post.web.answers import (
+    RefusedError,
+    body_of,
+    json_answer,
+    parameters_of,
+    tell_refusal,
+)
 from command_post.web.board import Changes
+from command_post.web.calls import Call, Me, Nothing
 from command_post.web.guard import Guard
-from command_post.web.openapi import TOKEN_HEADER
+from command_post.web.openapi import TOKEN_HEADER, openapi_of
 from command_post.web.people import LOCAL_NAME
+from command_post.web.review_calls import REVIEW_CALLS, Comparing
 from command_post.web.serving import LOCAL_NAMES, Ends
 from shared.geodesy import Origin
 from shared.units import NS_PER_S
@@ -72,6 +81,8 @@ def make_review_app(exhibit: Exhibit, ends: Ends) -> Starlette:
 
 
 class _Review:
+    """Does each of ``REVIEW_CALLS``: the method of its name."""
+
     def __init__(self, exhibit: Exhibit, ends: Ends) -> None:
         self._past = exhibit.past
         self._background = exhibit.background
@@ -83,29 +94,34 @@ class _Review:
         self._material: Material | None = None
 
     def routes(self) -> list[Route]:
+        """Return what is answered where."""
         return [
-            Route("/me", self.me),
-            Route("/timeline", self.timeline),
-            Route("/moment", self.moment),
-            Route("/moments", self.moments),
-            Route("/plan", self.plan),
-            Route("/plan/{number:int}", self.plan_image),
-            Route("/comparison", self.comparison),
-            Route("/comparison", self.compare, methods=["POST"]),
-            Route("/comparison/result", self.compared),
-            Route("/export/incident.{ending}", self.export),
+            Route(call.path, self._handler(call), methods=[call.method]) for call in REVIEW_CALLS
         ]
 
+    def _handler(self, call: Call) -> Callable[[Request], Awaitable[Response]]:
+        do = getattr(self, call.name)
+
+        async def handle(request: Request) -> Response:
+            request.scope["path_params"] = parameters_of(request)
+            answer: Response = await do(request)
+            return answer
+
+        return handle
+
+    async def openapi(self, _: Request) -> Response:
+        """Tell other programs what can be asked for."""
+        return json_answer(openapi_of(REVIEW_CALLS))
+
     async def me(self, _: Request) -> Response:
+        """Say which incident this was."""
         settings = self._past.settings
         return json_answer(
-            {
-                "incident": settings.incident, "post": settings.post_id, "name": LOCAL_NAME,
-                "role": "viewer", "review": True, "token": self._token,
-            }
-        )  # fmt: skip
+            Me(settings.incident, settings.post_id, LOCAL_NAME, "viewer", self._token, review=True)
+        )
 
     async def timeline(self, _: Request) -> Response:
+        """Tell the recording's course, as far as it is read."""
         self._line = await asyncio.to_thread(timeline_of, self._past, self._line)
         return json_answer(self._line)
 
@@ -134,9 +150,11 @@ class _Review:
         return json_answer(await asyncio.to_thread(told))
 
     async def plan(self, _: Request) -> Response:
+        """Tell the building's walls, and where images of it lie."""
         return json_answer(self._plan.view)
 
     async def plan_image(self, request: Request) -> Response:
+        """Give an image of a storey."""
         number, images = request.path_params["number"], self._plan.images
         if number >= len(images):
             raise RefusedError(HTTPStatus.NOT_FOUND, "there is no such image")
@@ -145,12 +163,8 @@ class _Review:
     async def comparison(self, _: Request) -> Response:
         """Answer what there is to compare with, and how far the newest wish is."""
         sources, progress = self._background.sources, self._background.progress
-        return json_answer(
-            {
-                "plan": sources.plan is not None, "settings": sources.settings is not None,
-                **progress._asdict(),
-            }
-        )  # fmt: skip
+        has_plan, has_settings = sources.plan is not None, sources.settings is not None
+        return json_answer(Comparing(has_plan, has_settings, *progress))
 
     async def compare(self, request: Request) -> Response:
         """Begin a comparison: it takes this machine's time, and nothing else."""
@@ -161,9 +175,10 @@ class _Review:
             why = "there is none: start the review with --plan or --settings"
             raise RefusedError(HTTPStatus.CONFLICT, why)
         await asyncio.to_thread(self._background.begin, wish)
-        return json_answer({}, HTTPStatus.ACCEPTED)
+        return json_answer(Nothing(), HTTPStatus.ACCEPTED)
 
     async def compared(self, _: Request) -> Response:
+        """Tell what came of the newest wish."""
         result = self._background.result
         if result is None:
             raise RefusedError(HTTPStatus.NOT_FOUND, "nothing has been compared yet")
@@ -172,8 +187,6 @@ class _Review:
     async def export(self, request: Request) -> Response:
         """Answer the recording in a format of ``command-post export``, to be kept."""
         ending = f".{request.path_params['ending']}"
-        if ending not in FORMATS:
-            raise RefusedError(HTTPStatus.NOT_FOUND, f"use one of {', '.join(FORMATS)}")
         if ending in NEEDS_ORIGIN and self._origin is None:
             why = "nobody has said where on the Earth this was: start the review with --origin"
             raise RefusedError(HTTPStatus.CONFLICT, why)

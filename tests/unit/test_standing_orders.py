@@ -11,7 +11,7 @@ from rich.console import Console
 from command_post.incident import Incident, IncidentSettings
 from command_post.orders import MOST_STANDING, REPEAT_NS, Issued, OrderRepeats, Orders
 from command_post.roster import RosterSettings, make_roster
-from command_post.roster_json import roster_json
+from command_post.roster_json import ROSTER, roster_json
 from command_post.table import roster_table
 from shared.codec import decode, encode, parse_key
 from shared.messages import (
@@ -192,9 +192,11 @@ def test_the_post_issues_what_a_commander_requests_and_shows_who_has_not_acknowl
     assert first.orders == ((order, 45.0, False),)
     assert second.orders == ()
     assert "EVACUATE: not received for 45 s" in words_of(incident)
-    told = msgspec.json.decode(roster_json(make_roster(incident, at_ns(46.0), RosterSettings())))
+    encoded = roster_json(make_roster(incident, at_ns(46.0), RosterSettings()))
+    told = msgspec.json.decode(encoded)
     (waiting,) = told["responders"][0]["orders"]
     assert (waiting["order"]["kind"], waiting["received"]) == ("evacuate", False)
+    assert msgspec.json.encode(msgspec.json.decode(encoded, type=ROSTER)) == encoded
     heard(incident, "responder", "r2", reply(order, "received"), 3.0)
     assert "EVACUATE: received, not acknowledged for 45 s" in words_of(incident)
     heard(incident, "responder", "r2", reply(order, "acknowledged"), 4.0)

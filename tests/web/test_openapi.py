@@ -31,6 +31,7 @@ from command_post.web.people import RANKS, Door, Role, Session
 from shared.codec import encode
 from shared.geodesy import Origin
 from shared.messages import AlertRequest, OrderRequest, OriginSet, PositionFix
+from tests.benchmarks.page_crowd import roster
 from tests.web.test_api import asked
 from tests.web.test_board import KEY, track
 
@@ -89,6 +90,7 @@ def document(page: Page) -> Any:
     origin = Origin(latitude_deg=37.5, longitude_deg=127.0)
     hosts = frozenset({"localhost", "testserver"})
     page.published("clew/v1/fire/post/post/origin", encode(origin.as_message(5, 0)))
+    page.show(roster(3, 5))
     site = Site("fire", "post", page, _Staff(), secure=False, hosts=hosts)
     return schemathesis.openapi.from_asgi("/api/v1/openapi.json", make_app(site, ends=lambda: True))
 

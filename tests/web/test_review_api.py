@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 from starlette.testclient import TestClient
 
 from command_post.review.background import Background
 from command_post.review.wishes import Sources
+from command_post.roster_json import ROSTER
 from command_post.web.review_app import Exhibit, make_review_app
+from command_post.web.review_calls import REVIEW_CALLS
 from tests.eventful import ALARM_S, eventful, opened
 
 
@@ -32,6 +35,24 @@ def test_a_moment_and_what_follows_it_are_told(client: TestClient) -> None:
     steps = client.get("/api/v1/moments", params=params).json()
     assert ["alerts" in each for each in steps] == [False, True, False, False, False, False]
     assert ["roster" in each for each in steps] == [False, False, True, False, False, True]
+
+
+def test_its_document_tells_of_all_that_is_answered(client: TestClient) -> None:
+    document = client.get("/api/v1/openapi.json").json()
+    assert set(document["paths"]) == {call.path for call in REVIEW_CALLS}
+    asked = {"at_s": ALARM_S, "after_s": 0.0, "step_s": 0.5, "count": 2}
+    for call in REVIEW_CALLS:
+        operation = document["paths"][call.path][call.method.lower()]
+        named = {each["name"]: asked[each["name"]] for each in operation.get("parameters", ())
+                 if each["in"] == "query"}  # fmt: skip
+        answer = client.request(call.method, f"/api/v1{call.path}", params=named)
+        assert str(answer.status_code) in operation["responses"], call.path
+        if answer.status_code == call.status and call.media_types == ("application/json",):
+            told = answer.json()
+            for each in told if isinstance(told, list) else [told]:
+                if each.get("roster") is not None:
+                    msgspec.convert(each.pop("roster"), ROSTER)
+            msgspec.convert(told, call.gives)
 
 
 def test_without_a_plan_nothing_is_drawn(client: TestClient) -> None:
