@@ -16,6 +16,7 @@ COMMANDS = {
     "rehearse": "edge_agent.commands.rehearse:rehearse",
     "retrace": "edge_agent.commands.retrace:retrace",
     "prepare": "edge_agent.commands.prepare:prepare",
+    "pace": "edge_agent.commands.pace:pace",
     "evaluate": "edge_agent.commands.evaluate:evaluate",
 }
 

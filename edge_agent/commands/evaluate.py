@@ -15,19 +15,33 @@ from rich.console import Console
 from rich.progress import Progress
 
 from edge_agent.commands.drive_picture import draw_drive
-from edge_agent.commands.prepare import Wheelbase
+from edge_agent.commands.prepare import StepScale, Wheelbase
 from edge_agent.commands.score_tables import print_degraded, print_tables
 from edge_agent.commands.track_picture import draw_trial
-from edge_agent.evaluation.course_truth import DrivenSpeed, FixedDrive, MountedDrive, MountTruth
+from edge_agent.evaluation.course_truth import (
+    DrivenSpeed,
+    FixedDrive,
+    MountedDrive,
+    MountTruth,
+    Waypoints,
+)
 from edge_agent.evaluation.degradation import DEGRADATIONS, Degradation
 from edge_agent.evaluation.estimate import estimated_path
+from edge_agent.evaluation.pace import scale_over
 from edge_agent.evaluation.score_card import ScoreCard, TrialScore, failed_trial, score_card
 from edge_agent.evaluation.scorers import SCORERS
 from edge_agent.evaluation.truth import Truth
 from edge_agent.evaluation.vehicle_score import Drive, follow_drive, score_drive
 from edge_agent.mounts.interface import Increment, Mount
-from edge_agent.mounts.methods import MethodName, MountName, default_method, make_mount
-from edge_agent.mounts.vehicle import VehicleMount
+from edge_agent.mounts.methods import (
+    STEPPING,
+    MethodName,
+    MountName,
+    Told,
+    default_method,
+    make_mount,
+)
+from edge_agent.mounts.vehicle import WHEELBASE_M, VehicleMount
 from edge_agent.mounts.vehicle_published import PublishedVehicleMount
 from edge_agent.sources.recording import Recording, SourceError
 from edge_agent.sources.trials import Trial, TrialData, find_trials
@@ -43,23 +57,19 @@ class _Setup(NamedTuple):
 
     mount: MountName
     method: MethodName
-    dominant_direction: bool
-    wheelbase_m: float | None
+    told: Told
+    paced_m: float | None
     seed: int
     degradations: Mapping[str, Degradation]
     plot: Path | None
 
     @property
     def title(self) -> str:
-        return f"{self.mount}, {self.method}" + ", dominant direction" * self.dominant_direction
+        building = ", dominant direction" * self.told.dominant_direction
+        return f"{self.mount}, {self.method}{building}"
 
     def new_mount(self) -> Mount:
-        return make_mount(
-            self.mount,
-            self.method,
-            dominant_direction=self.dominant_direction,
-            wheelbase_m=self.wheelbase_m,
-        )
+        return make_mount(self.mount, self.method, self.told)
 
     def score(
         self, trial: Trial, increments: Sequence[Increment], truth: MountTruth | None
@@ -90,7 +100,9 @@ def evaluate(
     mount: MountName = "boot",
     method: MethodName | None = None,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
-    wheelbase: Wheelbase = None,
+    wheelbase: Wheelbase = WHEELBASE_M,
+    step_scale: StepScale = 1.0,
+    paced: Annotated[float | None, Parameter(validator=validators.Number(gte=5.0))] = None,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 0,
     degrade: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
@@ -120,7 +132,12 @@ def evaluate(
     dominant_direction
         Hold the heading to where the building's corridors lead, which is learnt on the way.
     wheelbase
-        Metres between a vehicle's axles, a car's 2.7 if not told.
+        Metres between a vehicle's axles.
+    step_scale
+        How long a wearer's steps are, in those of nobody in particular.
+    paced
+        Let each wearer's scale be known as so many metres at the start tell it, where there are
+        way-points: a chest or a waist is then followed with that scale from the beginning.
     seed
         Of the simulated scenarios' walks and sensors, and of what a degradation leaves to chance.
     degrade
@@ -136,8 +153,11 @@ def evaluate(
     try:
         if degrade and mount != "boot":
             raise ValueError(f"--degrade: only of a boot's recordings, not of a {mount}'s")
+        if paced is not None and mount not in STEPPING:
+            raise ValueError(f"--paced: only of a chest or a waist, not of a {mount}")
+        told = Told(dominant_direction, wheelbase, step_scale)
         setups = [
-            _Setup(mount, one, dominant_direction, wheelbase, seed, degradations, plot)
+            _Setup(mount, one, told, paced, seed, degradations, plot)
             for one in _methods(mount, method)
         ]
         for setup in setups:
@@ -266,11 +286,11 @@ def _score_drive(
 ) -> tuple[TrialScore, ExitCode]:
     try:
         began_s = process_time()
-        drive = _drive(setup.method, setup.wheelbase_m, samples, truth.fixed.speed)
+        drive = _drive(setup.method, setup.told, samples, truth.fixed.speed)
         samples_per_s = len(samples) / (process_time() - began_s)
         fixed = None
         if truth.slips:
-            fixed = _fixed_drive(setup.method, setup.wheelbase_m, truth.fixed)
+            fixed = _fixed_drive(setup.method, setup.told, truth.fixed)
         row = score_drive(trial.name, trial.group, drive, fixed, truth)
     except Exception as error:  # a trial that breaks the mount is a row of the card as well
         _log.exception("the mount or its score failed", trial=trial.name)
@@ -283,15 +303,13 @@ def _score_drive(
 
 
 @lru_cache(maxsize=4)
-def _fixed_drive(method: MethodName, wheelbase_m: float | None, fixed: FixedDrive) -> Drive:
+def _fixed_drive(method: MethodName, told: Told, fixed: FixedDrive) -> Drive:
     """Return what ``method`` makes of the phone as it was fixed."""
-    return _drive(method, wheelbase_m, fixed.samples, fixed.speed)
+    return _drive(method, told, fixed.samples, fixed.speed)
 
 
-def _drive(
-    method: MethodName, wheelbase_m: float | None, samples: Recording, speed: DrivenSpeed
-) -> Drive:
-    mount = make_mount("vehicle", method, wheelbase_m=wheelbase_m)
+def _drive(method: MethodName, told: Told, samples: Recording, speed: DrivenSpeed) -> Drive:
+    mount = make_mount("vehicle", method, told)
     assert isinstance(mount, VehicleMount | PublishedVehicleMount)  # noqa: S101
     return follow_drive(mount, samples, speed)
 
@@ -300,5 +318,10 @@ def _follow(data: TrialData, setup: _Setup) -> tuple[list[Increment], float]:
     """Return what a new mount makes of the samples, and the processor time of that alone (s)."""
     mount = setup.new_mount()
     began_s = process_time()
-    told = mount.steps(data.samples) + mount.finish()
-    return told, process_time() - began_s
+    increments = mount.steps(data.samples) + mount.finish()
+    elapsed_s = process_time() - began_s
+    if setup.paced_m is not None and isinstance(data.truth, Waypoints):
+        scale = setup.told.step_scale * scale_over(increments, data.truth, setup.paced_m)
+        mount = make_mount(setup.mount, setup.method, setup.told._replace(step_scale=scale))
+        increments = mount.steps(data.samples) + mount.finish()
+    return increments, elapsed_s

@@ -14,13 +14,14 @@ import structlog
 from cyclopts import Parameter, validators
 
 from edge_agent.agent import Agent
-from edge_agent.commands.prepare import Wheelbase, prepared_mount
+from edge_agent.commands.prepare import StepScale, Wheelbase, prepared_mount
 from edge_agent.drop_desk import DropDesk, tell_wearer_to_set_down
 from edge_agent.mayday import MaydayCall
 from edge_agent.mayday_controls import Control, InputButton, UnitSocket, socket_path
 from edge_agent.mayday_desk import MaydayDesk
 from edge_agent.mounts.interface import Faults
-from edge_agent.mounts.methods import MethodName, MountName, default_method
+from edge_agent.mounts.methods import MethodName, MountName, Told, default_method
+from edge_agent.mounts.vehicle import WHEELBASE_M
 from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
 from edge_agent.radio_desk import RadioDesk
@@ -83,7 +84,8 @@ def run(
     stands_at_sd: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e3))] = 1.0,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
     driven_speed: Annotated[float | None, Parameter(validator=validators.Number(lte=75.0))] = None,
-    wheelbase: Wheelbase = None,
+    wheelbase: Wheelbase = WHEELBASE_M,
+    step_scale: StepScale = 1.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
     dominant_direction: Annotated[bool, Parameter(negative="")] = False,
     daps: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=1000))] = 0,
@@ -137,7 +139,10 @@ def run(
         How fast the vehicle goes at the first sample (m/s), where that is known: by the satellites
         in front of the car park, for one. A start from rest is seen; any other speed is sought.
     wheelbase
-        Metres between the vehicle's axles, a car's 2.7 if not told: an engine has 3.5 to 5.
+        Metres between the vehicle's axles: an engine has 3.5 to 5.
+    step_scale
+        How long the steps of who wears a chest's or a waist's sensor are, in those of nobody in
+        particular: 'edge-agent pace' tells it.
     seed
         Of a simulated source.
     dominant_direction
@@ -174,8 +179,8 @@ def run(
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
             follower = prepared_mount(
-                mount, method, dominant_direction=dominant_direction,
-                driven_speed_m_s=driven_speed, wheelbase_m=wheelbase,
+                mount, method, told=Told(dominant_direction, wheelbase, step_scale),
+                driven_speed_m_s=driven_speed,
             )  # fmt: skip
         opened = open_source(source, responder_id, seed, mount, bundle, hears_daps=daps > 0)
         known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)

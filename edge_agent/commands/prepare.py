@@ -9,16 +9,25 @@ import structlog
 from cyclopts import Parameter, validators
 
 from edge_agent.mounts.interface import Mount, TakesSpeed
-from edge_agent.mounts.methods import MethodName, MountName, default_method, is_built, make_mount
+from edge_agent.mounts.methods import (
+    NOTHING_TOLD,
+    MethodName,
+    MountName,
+    Told,
+    default_method,
+    is_built,
+    make_mount,
+)
 from shared.process import ExitCode, end_with_parent, ended_by_signals
 
 DRIVEN_SPEED_SD_M_S = 0.3
 """Of a speed told at the start: a satellite receiver's, or a speedometer's."""
 
-Wheelbase: TypeAlias = Annotated[
-    float | None, Parameter(validator=validators.Number(gte=1.0, lte=10.0))
-]
+Wheelbase: TypeAlias = Annotated[float, Parameter(validator=validators.Number(gte=1.0, lte=10.0))]
 """Metres; it is seldom more than seven."""
+
+StepScale: TypeAlias = Annotated[float, Parameter(validator=validators.Number(gte=0.5, lte=2.0))]
+"""Nobody's steps are half, or twice, as long as they bounce."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -52,21 +61,19 @@ def prepared_mount(
     mount: MountName,
     method: MethodName | None,
     *,
-    dominant_direction: bool = False,
+    told: Told = NOTHING_TOLD,
     driven_speed_m_s: float | None = None,
-    wheelbase_m: float | None = None,
 ) -> Mount:
     """Return a new mount, whose first sample will wait for nothing; say what takes time.
 
-    ``driven_speed_m_s`` is how fast a vehicle goes at the first sample, ``wheelbase_m`` how far its
-    axles are apart. Raises ``ValueError`` where
-    ``mount`` has no such method, or that no ``dominant_direction``, or is no vehicle.
+    ``driven_speed_m_s`` is how fast a vehicle goes at the first sample. Raises ``ValueError`` where
+    ``mount`` has no such method, or that can make nothing of what is ``told``, or is no vehicle.
     """
     method = method or default_method(mount)
     if not is_built(mount, method):
         _log.info("building machine code, once: some thirty seconds", method=method)
     began_s = perf_counter()
-    made = make_mount(mount, method, dominant_direction=dominant_direction, wheelbase_m=wheelbase_m)
+    made = make_mount(mount, method, told)
     if driven_speed_m_s is not None:
         if not isinstance(made, TakesSpeed):
             raise ValueError(f"--driven-speed: only of a vehicle, not of a {mount}")

@@ -41,8 +41,9 @@ class ChestMount:
     known.
     """
 
-    def __init__(self, settings: BounceSettings | None = None) -> None:
+    def __init__(self, settings: BounceSettings | None = None, *, step_scale: float = 1.0) -> None:
         self.faults = Faults()
+        self._step_scale = step_scale
         self._settings = settings or BounceSettings()
         self._tick_ns = round(NS_PER_S / self._settings.rate_hz)
         self._intake = Intake(self.faults, LONGEST_GAP_S, needs_gyro=False)
@@ -136,7 +137,7 @@ class ChestMount:
         """Tell a step; nothing before what was told last."""
         if self._told_ns is not None:
             bounce = bounce._replace(start_time_ns=max(bounce.start_time_ns, self._told_ns))
-        length_m = bounce_length_m(bounce.mean_m_s2)
+        length_m = self._step_scale * bounce_length_m(bounce.mean_m_s2)
         if not self._heading.settled:
             self._done.append(step_anywhere(bounce, length_m))
             self._told_ns = bounce.end_time_ns

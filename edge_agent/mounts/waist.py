@@ -79,8 +79,9 @@ class _Step(NamedTuple):
 class WaistMount:
     """Follows one unit on a belt. See ``Mount``: nothing that a sample holds makes it raise."""
 
-    def __init__(self, settings: LandingSettings | None = None) -> None:
+    def __init__(self, settings: LandingSettings | None = None, *, step_scale: float = 1.0) -> None:
         self.faults = Faults()
+        self._step_scale = step_scale
         self._settings = settings or LandingSettings()
         self._intake = Intake(self.faults, GAP_S)
         self._even = EvenSamples()
@@ -211,7 +212,8 @@ class WaistMount:
         self._ahead.land()
         lasted_s = (landing.time_ns - started_ns) / NS_PER_S
         step = Step(started_ns, landing.time_ns, 0.0, 0.0)
-        length_m = self._lengths.length_m(lasted_s, [moment.up_m_s2 for moment in passed])
+        bounces_m_s2 = [moment.up_m_s2 for moment in passed]
+        length_m = self._step_scale * self._lengths.length_m(lasted_s, bounces_m_s2)
         attitudes = [moment.nav_from_sensor for moment in passed[::-ATTITUDE_EVERY]][::-1]
         since_ns = started_ns if self._told_ns is None else self._told_ns
         since_s = (landing.time_ns - since_ns) / NS_PER_S

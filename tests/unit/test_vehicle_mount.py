@@ -16,7 +16,7 @@ from numpy.random import default_rng
 
 from edge_agent.evaluation.vehicle_mountings import Lie, mounted
 from edge_agent.mounts.interface import Increment
-from edge_agent.mounts.methods import make_mount
+from edge_agent.mounts.methods import Told, make_mount
 from edge_agent.mounts.vehicle import VehicleMount
 from edge_agent.mounts.vehicle_published import PublishedVehicleMount
 from edge_agent.sources.recording import Recording
@@ -101,10 +101,11 @@ def test_satellites_tell_a_speed_that_the_road_does_not() -> None:
 
 
 def test_the_published_method_needs_no_wheelbase_and_a_boot_has_none() -> None:
-    assert isinstance(make_mount("vehicle", wheelbase_m=4.5), VehicleMount)
-    assert isinstance(make_mount("vehicle", "published", wheelbase_m=4.5), PublishedVehicleMount)
+    engine = Told(wheelbase_m=4.5)
+    assert isinstance(make_mount("vehicle", "robust", engine), VehicleMount)
+    assert isinstance(make_mount("vehicle", "published", engine), PublishedVehicleMount)
     with pytest.raises(ValueError, match="--wheelbase: only of a vehicle"):
-        make_mount("boot", wheelbase_m=4.5)
+        make_mount("boot", "eskf", engine)
 
 
 @WHICH
