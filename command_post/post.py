@@ -25,6 +25,7 @@ from command_post.incident import Incident
 from command_post.meanwhile import last_told, telling
 from command_post.metrics import Metrics
 from command_post.orders import OrderRepeats
+from command_post.post_clock import PostClock
 from command_post.reception import Reception
 from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.resume import resume
@@ -35,12 +36,11 @@ from command_post.strangers import stranger_message
 from command_post.voice import Voice
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received
-from shared.clock import Clock, PacedClock
-from shared.codec import Refusal, decode, parse_key
+from shared.clock import Clock
 from shared.collector import Collector
 from shared.gate import Gate
 from shared.mcap_reader import Recording
-from shared.messages import ExerciseStart, StationTable
+from shared.messages import StationTable
 from shared.security.certificates import Identity
 from shared.sender import Outbox, Sign
 from shared.strangers import NOBODY, AtLinks, Strangers
@@ -67,11 +67,6 @@ MOST_WAITING = 5_000
 
 SHOW_PERIOD_S = 0.25
 LEAST_WAIT_S = 0.001
-SET_BACK_NS = NS_PER_S
-"""A clock that reads so much less than before has been set."""
-
-MOST_AHEAD_NS = 60 * NS_PER_S
-LONGEST_EXERCISE_NS = 24 * 3600 * NS_PER_S
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -133,12 +128,6 @@ class Post:
         self._bus = bus
         self._incident = incident
         self._recorder = recorder
-        self._own_clock = clock
-        self._clock = PacedClock(clock)
-        self._passed_ns = 0
-        """As of when anything was handled last."""
-
-        self._follows_exercise = follows_exercise
         self._show = show
         self._remarks = tuple(remarks)
         self._gate = gate or Gate()
@@ -155,11 +144,9 @@ class Post:
         self._at_links = at_links
         name, post_id = incident.settings.incident, incident.settings.post_id
         self._company = Company(bus, name, post_id, meet, self._hear)
-        self._own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
+        own_keys = {str(Key(name, "post", post_id, topic)) for topic in TOPICS}
+        self._clock = PostClock(clock, own_keys, follows_exercise=follows_exercise)
         self._to_say_again: Sequence[Outgoing] = ()
-        self._exercise: Received | None = None
-        """What has set the clock."""
-
         self._checkpoints = checkpoints
         self._note_work = checkpoints.work if checkpoints is not None else lambda _: None
         self._repeats = OrderRepeats()
@@ -175,12 +162,12 @@ class Post:
         if kept is not None:
             self._gate.remember(kept.state.remembered)
             if kept.state.exercise is not None:
-                self._follow(*kept.state.exercise)
+                self._clock.follow(*kept.state.exercise)
         told = last_told(recording) if kept is None else []
         place = (0, 1) if kept is None else (kept.position_bytes, kept.part)
         since = recording.since(*place)
         resumed = resume(telling(since, told, self._publish), self._incident, self._recall)
-        self._passed_ns = resumed.last_ns or (0 if kept is None else kept.state.last_ns)
+        self._clock.passed_ns = resumed.last_ns or (0 if kept is None else kept.state.last_ns)
         self._incident.take_notices()
         self._recorder.mark_resumed(self._clock.now_ns())
         for time_ns, key, payload in resumed.unrecorded:
@@ -196,8 +183,7 @@ class Post:
 
     def _recall(self, key: str, payload: bytes) -> None:
         self._gate.recall(key, payload)
-        if self._follows_exercise and key not in self._own_keys:
-            self._follow(key, payload)
+        self._clock.heed(key, payload)
 
     def serve(self, stop: Event) -> None:
         """Serve until ``stop`` is set, then finish the incident and say what was lost."""
@@ -296,11 +282,16 @@ class Post:
         kept = self._checkpoints
         if kept is not None and kept.is_due and not self._safekeeping.has_lost:
             kept.keep(
-                State(self._incident, self._gate.remembered(), self._exercise, self._passed_ns)
+                State(
+                    self._incident,
+                    self._gate.remembered(),
+                    self._clock.exercise,
+                    self._clock.passed_ns,
+                )
             )
 
     def _hear(self, received: Received) -> None:
-        self._inbox.put(_Heard(*received, self._own_clock.now_ns()))
+        self._inbox.put(_Heard(*received, self._clock.own.now_ns()))
 
     def _until_due_s(self) -> float:
         """Return for how many real seconds to wait for a message: until something is due."""
@@ -311,21 +302,11 @@ class Post:
 
     def _pass_time(self) -> None:
         now_ns = self._clock.now_ns()
-        if now_ns > self._passed_ns:
-            self._passed_ns = now_ns
+        if now_ns > self._clock.passed_ns:
+            self._clock.passed_ns = now_ns
             began_s = time.perf_counter()
             self._publish(self._recorded.pass_time(now_ns))
             self._note_work(time.perf_counter() - began_s)
-
-    def _handled_at_ns(self, came_ns: int) -> int:
-        """Return as of when to handle what came then: not before time was said to have passed.
-
-        So it is for the first message after the clock was set back as well: a replay is told by it
-        until when all was fused before.
-        """
-        handled_ns = max(came_ns, self._passed_ns)
-        self._passed_ns = came_ns if handled_ns - came_ns > SET_BACK_NS else handled_ns
-        return handled_ns
 
     def _handle_all(self, messages: Sequence[_Heard]) -> None:
         # They were taken of each sender in turn.
@@ -333,10 +314,9 @@ class Post:
             received = Received(key, payload)
             if self._voice.is_own(received) or not self._reception.lets_in(received):
                 continue
-            if self._follows_exercise and key not in self._own_keys:
-                self._follow(key, payload)
+            self._clock.heed(key, payload)
             refused = self._incident.refused
-            now_ns = self._handled_at_ns(self._clock.paced_ns(came_ns))
+            now_ns = self._clock.handled_at_ns(self._clock.paced_ns(came_ns))
             self._watch.hear(key, payload, now_ns)
             began_s = time.perf_counter()
             self._publish(self._recorded.handle(key, payload, now_ns))
@@ -359,7 +339,7 @@ class Post:
                 self._take_own(key, payload)
 
     def _take_own(self, key: str, payload: bytes) -> None:
-        now_ns = self._handled_at_ns(self._clock.now_ns())
+        now_ns = self._clock.handled_at_ns(self._clock.now_ns())
         self._publish(self._recorded.handle(key, payload, now_ns))
         if key.endswith("/outside"):
             # What others say is not the post's word, and is shown beside it.
@@ -387,25 +367,7 @@ class Post:
             return
         (said,) = self._voice.say([self._incident.said(table)])
         if table.sequence == 0:
-            self._publish(self._recorded.handle(*said, self._handled_at_ns(now_ns)))
-
-    def _follow(self, key: str, payload: bytes) -> None:
-        """Set the clock by an ``ExerciseStart``."""
-        parsed = parse_key(key)
-        if isinstance(parsed, Refusal) or parsed.topic != "exercise":
-            return
-        start = decode(parsed, payload)
-        if not isinstance(start, ExerciseStart):
-            return
-        since_ns = self._clock.now_ns() - start.event_time_ns
-        if not -MOST_AHEAD_NS <= since_ns <= LONGEST_EXERCISE_NS:
-            _log.warning("an exercise's start at no likely time is passed over", key=key)
-            return
-        # The first start counts: whoever gives another must not turn the post's clock.
-        self._follows_exercise = False
-        self._exercise = Received(key, payload)
-        self._clock.run_from(start.event_time_ns, start.speed)
-        _log.info("exercise", scenario=start.scenario, seed=start.seed, speed=start.speed)
+            self._publish(self._recorded.handle(*said, self._clock.handled_at_ns(now_ns)))
 
     def _tell_losses(self) -> None:
         refused = Counter[tuple[str, str]](self._incident.refusals)
