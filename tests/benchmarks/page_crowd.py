@@ -152,8 +152,14 @@ class _Crowd(threading.Thread):
         spent, late_s = self._spent(), sorted(self.late_s)
         ranks = (len(late_s) // 2, len(late_s) * 99 // 100, len(late_s) - 1)
         middle_s, most_s, worst_s = (late_s[rank] for rank in ranks)
-        figures = (now - then for now, then in zip(spent[:-1], before[:-1], strict=True))
-        return Cost(*figures, late_s=(middle_s, most_s, worst_s))
+        return Cost(
+            spent.lasted_s - before.lasted_s,
+            spent.process_cpu_s - before.process_cpu_s,
+            spent.post_cpu_s - before.post_cpu_s,
+            spent.page_cpu_s - before.page_cpu_s,
+            spent.said - before.said,
+            (middle_s, most_s, worst_s),
+        )
 
     def _spent(self) -> Cost:
         page_s = cpu_s_of(self._page.process_id)
