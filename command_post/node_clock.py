@@ -2,7 +2,8 @@
 
 A node that reaches the post's time service finds its offset to some milliseconds and states it in
 its beats. Of one that does not, the ages of its messages on arrival tell at least a clock that is
-off by more than messages take. They also tell a statement that cannot be true.
+behind by more than messages take, or ahead, so that they come before they were sent. They also tell
+a statement that cannot be true.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ SAME_NS = 50_000_000
 
 EARLY_NS = NS_PER_S // 10
 """A message that seems to come so long before it was sent says nothing against its clock."""
+
+AHEAD_NS = NS_PER_S // 2
+"""No message comes before it was sent: one that seems to, by more than this, tells who is ahead."""
 
 MOST_RUNS = 16
 
@@ -178,8 +182,11 @@ class _Ages:
         if age_ns > self._wrong_ns and not live:
             return
         if self._ages:
+            was_far_ahead = self._ages[0].age_ns < -self._wrong_ns
             evidently_right = live and abs(age_ns) <= self._wrong_ns
-            if evidently_right or age_ns - self._ages[0].age_ns > LONGEST_WAY_NS:
+            if (was_far_ahead and evidently_right) or (
+                age_ns - self._ages[0].age_ns > LONGEST_WAY_NS
+            ):
                 self._ages.clear()
         # What was stuck on its way comes in a bunch: silence must not make the window forget.
         self._heard_for_ns += min(max(now_ns - self._heard_ns, 0), LONGEST_PAUSE_NS)
@@ -191,7 +198,8 @@ class _Ages:
         while self._heard_for_ns - self._ages[0].at_ns > self._window_ns:
             self._ages.popleft()
         least_ns = self._ages[0].age_ns
-        self.wrong_by_ns = least_ns if abs(least_ns) > self._wrong_ns else 0
+        is_wrong = least_ns > self._wrong_ns or least_ns < -AHEAD_NS
+        self.wrong_by_ns = least_ns if is_wrong else 0
 
 
 class _Age(NamedTuple):

@@ -49,7 +49,7 @@ class Senders:
 
     A clock of which its node states nothing is *wrong* when it seems off by more than ``WRONG_NS``,
     or four holds if that is more: in an exercise in a hurry all messages are late by as much, and
-    no clock is to blame.
+    no clock is to blame. One by which messages come before they were sent is wrong by that alone.
     """
 
     def __init__(self, hold_ns: int, post_id: str = "post") -> None:

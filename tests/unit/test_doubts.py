@@ -74,7 +74,6 @@ def test_nothing_is_doubted_where_nothing_is_wrong(seed: int) -> None:
     [
         (Faults(swapped=("r1", "r3")), ("swapped", "r1"), "r1", 5),
         (Faults(renewed=("r3", math.radians(110.0))), ("renewed", "r3"), "r3", 6),
-        (Faults(since_s=60.0, scale=("r3", 1.2)), ("scale", "r3"), "r3", 12),
         (Faults(since_s=60.0, ahead_s=("r2", 2.0)), ("clock", "r2"), "r2", 16),
     ],
     ids=lambda each: each[0] if isinstance(each, tuple) else "",
@@ -88,6 +87,15 @@ def test_what_is_wrong_with_a_responder_is_named_and_does_half_the_harm(
     assert {kind for kind, _ in with_doubts.named_s} == {name[0]}
     since_s = faults.since_s + commits * COMMIT_S
     assert with_doubts.mean_m(sufferer, since_s) < 0.5 * without.mean_m(sufferer, since_s)
+
+
+def test_strides_a_fifth_too_long_are_named_and_do_little_harm_before() -> None:
+    faults = Faults(since_s=60.0, scale=("r3", 1.2))
+    with_doubts, without = fused(1, faults), fused(1, faults, doubting=False)
+    since_s = faults.since_s + 12 * COMMIT_S
+    assert with_doubts.named_s.keys() == {("scale", "r3")}
+    assert with_doubts.named_s["scale", "r3"] < since_s
+    assert max(each.mean_m("r3", since_s) for each in (with_doubts, without)) < 0.5
 
 
 def test_a_dap_that_was_moved_is_named_and_found_again() -> None:

@@ -42,7 +42,7 @@ PRICE: Mapping[SuspicionKind, float] = {
     "clock": 22.0,
     "swapped": 22.0,
     "renewed": 34.0,
-    "scale": 18.0,
+    "scale": 13.0,
 }
 """How much cheaper a solution must become: twice the logarithm of how unlikely each is, with what
 its free parameters could explain by chance."""
@@ -56,7 +56,10 @@ MOST_TRIED_OF_CROWD = 6
 
 LEAST_PASSES = 3
 FEWEST_TO_ONE = 4
-"""Of so many DAPs one may be doubted: who finds most of them wrong is more likely wrong."""
+"""Of so many DAPs one may be doubted: who finds most of them wrong is more likely wrong.
+
+And of so many scales: were most of them free, nothing would tell how large the map is.
+"""
 
 TIMES_THE_REST = 3.0
 ASTRAY_AREA_M2 = 1500.0
@@ -251,7 +254,11 @@ def _best(
 ) -> tuple[Solved, Held] | None:
     best: tuple[Solved, Held] | None = None
     most = MOST_TRIED_OF_CROWD if case.of_crowd else None
+    scales = sum(each.kind == "scale" for each in kept)
+    most_scales = max(1, len(solved.assembled.chains) // FEWEST_TO_ONE)
     for suspicion in islice(_against(solved, node, others), most):
+        if suspicion.kind == "scale" and scales >= most_scales:
+            continue
         tried = _solved_with(case, solved, kept, suspicion)
         if tried is None:
             continue

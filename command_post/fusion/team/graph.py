@@ -81,6 +81,9 @@ PLACE_DOF = 4.0
 TURN_DOF = 8.0
 """Student's t for moves: places of now and then a missed stride, turns of now and then a jump."""
 
+SCALE_DOF = 4.0
+"""Student's t for what is known of scales: most units are as told, one now and then is far off."""
+
 LOOSE_SCALE_SD = 0.1
 """A unit whose scale is known no better is off in true metres, for its own may be anything."""
 

@@ -15,6 +15,7 @@ from command_post.fusion.team.graph import (
     LEAD,
     LOOSE_SCALE_SD,
     PLACE_DOF,
+    SCALE_DOF,
     TURN_DOF,
     Graph,
 )
@@ -319,8 +320,11 @@ def _add_priors(graph: Graph, arrow: Floats, system: System) -> float:
     system.arrow_right[LEAD] -= k * off_s
     places_from = arrow.size - 2 * graph.place.shape[0]
     for column in range(FIRST_UNIT, places_from):
-        k = 1.0 / graph.unit_sd[column - FIRST_UNIT] ** 2
-        cost += k * arrow[column] ** 2
+        sd = graph.unit_sd[column - FIRST_UNIT]
+        is_scale = (column - FIRST_UNIT) % 2 == 0 and sd < LOOSE_SCALE_SD
+        weight, penalty = _robust((arrow[column] / sd) ** 2, SCALE_DOF if is_scale else 0.0, 1.0)
+        k = weight / (sd * sd)
+        cost += penalty
         system.arrow[column, column] += k
         system.arrow_right[column] -= k * arrow[column]
     for place in range(graph.place.shape[0]):

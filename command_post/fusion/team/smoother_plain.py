@@ -19,6 +19,7 @@ from command_post.fusion.team.graph import (
     LEAD,
     LOOSE_SCALE_SD,
     PLACE_DOF,
+    SCALE_DOF,
     TURN_DOF,
     Graph,
 )
@@ -146,7 +147,13 @@ def _priors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
         [graph.axis[1:], graph.lead[1:], graph.unit_sd, np.repeat(graph.place[:, 2], 2)]
     )
     derivative = np.hstack([np.zeros((arrow.size, pose.size)), np.diag(1.0 / sd)])
-    yield Factor((arrow - mean) / sd, derivative, 0.0)
+    off = (arrow - mean) / sd
+    is_heavy = np.zeros(arrow.size, np.bool_)
+    scales = FIRST_UNIT + 2 * np.arange(units)
+    is_heavy[scales] = graph.unit_sd[::2] < LOOSE_SCALE_SD
+    yield Factor(off[~is_heavy], derivative[~is_heavy], 0.0)
+    for column in np.flatnonzero(is_heavy):
+        yield Factor(off[[column]], derivative[[column]], SCALE_DOF)
 
 
 def _turned(turn_rad: float, north: float, east: float) -> Floats:
