@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from msgspec import structs
 
 from command_post.announcer import Outgoing
 from command_post.fusion.settings import FusionSettings
-from command_post.fusion.team import commits
+from command_post.fusion.team import commits, lines
+from command_post.fusion.team.crews import Crew
+from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.incident import Incident
 from command_post.incident_settings import IncidentSettings
@@ -50,6 +53,21 @@ def told(incident: Incident, said: Iterable[Said]) -> list[Outgoing]:
     return [outgoing for each in said for outgoing in hand(incident, each)]
 
 
+def made_of(incident: Incident, said: Said, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Let the incident have it; return when the commits were that this made."""
+    times_ns: list[int] = []
+    make = commits._commit
+
+    def noted(crew: Crew, log: TeamLog, time_ns: int, *rest: Any) -> Any:
+        times_ns.append(time_ns)
+        return make(crew, log, time_ns, *rest)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(commits, "_commit", noted)
+        hand(incident, said)
+    return times_ns
+
+
 def size(incident: Incident) -> int:
     return len(pickle.dumps(incident, protocol=5))
 
@@ -82,10 +100,15 @@ def test_what_is_kept_stays_as_much_and_what_is_told_is_the_same(said: list[Said
 def test_who_is_late_within_what_is_allowed_leaves_no_trace(
     said: list[Said], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Both as a small team, and as crews of a large one; by more than is kept of the past."""
+    """Both as a small team, and as crews of a large one; by more than is kept of the past.
+
+    At once or a commit at each tick.
+    """
     for name in ("KEPT", "KEPT_OF_A_CROWD", "KEYFRAME_EVERY"):
         monkeypatch.setattr(commits, name, 3)
-    for crew_most in (3, 1):
+    for crew_most, at_once in ((3, False), (1, False), (1, True)):
+        monkeypatch.setattr(lines, "AT_ONCE_WORK", 10_000 if at_once else 0)
+        monkeypatch.setattr(lines, "TICK_WORK", 1)
         team = structs.replace(TEAM, crew_most=crew_most, anchor_s=20.0)
         settings = IncidentSettings(fusion=FusionSettings(team=team))
         in_time = [each for each in said if each.message.event_time_ns < FULL_NS]
@@ -102,9 +125,11 @@ def test_who_is_late_within_what_is_allowed_leaves_no_trace(
         for at in chance.permutation(len(late)).tolist():
             handled_ns = rest[-1].message.event_time_ns + NS_PER_S // 50
             other.handle(key_of(late[at]), encode(late[at].message), handled_ns)
-        closing = said[len(in_time) :][:100]
+        closing = said[len(in_time) :][:160]
         told(one, closing)
-        told(other, closing)
+        made = [len(made_of(other, each, monkeypatch)) for each in closing]
+        # Of a team one commit is due by itself at times, and of a crowd one of each crew.
+        assert (max(made) > 3) == at_once
         assert dict(one.estimates) == dict(other.estimates)
         assert dict(one.daps) == dict(other.daps)
 

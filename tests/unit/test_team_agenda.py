@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 from command_post.fusion.team.agenda import BUSY_SHARE, Agenda, Due
-from command_post.fusion.team.commits import Commits
 from command_post.fusion.team.crews import Bonds
+from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from shared.units import NS_PER_S
@@ -28,7 +28,7 @@ def bonds(late: bool = False) -> Bonds:
 
 def asked(bonds: Bonds, times_ns: range) -> list[Due]:
     """Return who is due in the second period, asked at these times after its beginning."""
-    agenda = Agenda(Commits(TeamLog(), bonds, SETTINGS), SETTINGS)
+    agenda = Agenda(Lines(TeamLog(), bonds, SETTINGS), SETTINGS)
     agenda.due_before(PERIOD_NS)
     return [due for each in times_ns for due in agenda.due_before(PERIOD_NS + each + 1)]
 

@@ -7,8 +7,8 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from command_post.fusion.team.commits import Commits
 from command_post.fusion.team.crews import Crew, Crews
+from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.settings import TeamSettings
 from shared.units import NS_PER_S
 
@@ -39,8 +39,8 @@ class Agenda:
     which what was heard meanwhile is answered: nobody waits for more than one crew's solution.
     """
 
-    def __init__(self, commits: Commits, settings: TeamSettings) -> None:
-        self._commits = commits
+    def __init__(self, lines: Lines, settings: TeamSettings) -> None:
+        self._lines = lines
         self._settings = settings
         self._tick_ns = round(settings.tick_s * NS_PER_S)
         self._period_ns = round(settings.commit_s * NS_PER_S)
@@ -58,8 +58,8 @@ class Agenda:
         last_ns = time_ns - 1
         if last_ns < self._next_ns:
             return []
-        number = self._commits.number_at(last_ns)
-        crews = self._commits.crews(number)
+        number = self._lines.live.number_at(last_ns)
+        crews = self._lines.live.crews(number)
         if crews.is_everybody:
             due_ns = last_ns // self._tick_ns * self._tick_ns
             due = [Due(due_ns, due_ns, crews.crews[0])] if due_ns > self.until_ns else []
@@ -70,7 +70,7 @@ class Agenda:
             ticks = self._plan(number).ticks
             at = bisect_right(ticks, last_ns, key=_at_ns)
             self._next_ns = (
-                ticks[at].at_ns if at < len(ticks) else self._commits.begin_ns(number + 1)
+                ticks[at].at_ns if at < len(ticks) else self._lines.live.begin_ns(number + 1)
             )
         self.until_ns = max(self.until_ns, last_ns)
         return due
@@ -83,7 +83,7 @@ class Agenda:
 
     def _due_before_that(self, number: int, due: list[Due]) -> list[Due]:
         """Return who was still due in the period before, and is not again in this one."""
-        begin_ns = self._commits.begin_ns(number)
+        begin_ns = self._lines.live.begin_ns(number)
         if self.until_ns >= begin_ns - 1:
             return []
         again = {member for _, _, crew in due for member in crew.members}
@@ -91,10 +91,10 @@ class Agenda:
         return [each for each in before if not again.issuperset(each.crew.members)]
 
     def _plan(self, number: int) -> _Plan:
-        crews = self._commits.crews(number)
+        crews = self._lines.live.crews(number)
         plan = self._plans.get(number)
         if plan is None or plan.crews is not crews:
-            begin_ns = self._commits.begin_ns(number)
+            begin_ns = self._lines.live.begin_ns(number)
             ticks = sorted(
                 (time_ns, crew)
                 for crew in crews.crews

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from command_post.fusion.dap_map import InstalledDap
@@ -116,7 +116,7 @@ class Commits:
     def __getstate__(self) -> dict[str, Any]:
         """Return what is to be kept elsewhere: of what is long past, keyframes."""
         made = sorted(self._periods)
-        first = max(len(made) - KEPT_ELSEWHERE, 0)
+        first = max(bisect_left(made, self._first) - KEPT_ELSEWHERE, 0)
         kept = {
             number
             for number, before in zip(made[:first], [-1, *made], strict=False)
@@ -128,6 +128,29 @@ class Commits:
             # The one before the first of them is not there to make that again.
             state["_kept_since"] = max(self._kept_since, made[first] + 1)
         return state
+
+    def copied(self) -> Commits:
+        """Return another line of the same commits, of the same log, that goes its own way."""
+        other = Commits(self._log, self._bonds, self._settings)
+        other.__dict__.update(self.__dict__)
+        other._numbers = self._numbers.copy()
+        other._crews = self._crews.copy()
+        other._periods = {
+            number: replace(period, to_do=period.to_do.copy(), commits=period.commits.copy())
+            for number, period in self._periods.items()
+        }
+        return other
+
+    @property
+    def made_until_ns(self) -> int:
+        """When the first period begins whose commits are not all made."""
+        return self.begin_ns(self._first)
+
+    def work_since(self, time_ns: int) -> int:
+        """Return how much it would be to make all commits anew since then, at most."""
+        number = self.number_at(self.until_ns)
+        periods = max(number - self.number_at(time_ns), 0)
+        return periods * sum(crew.work for crew in self.crews(number).crews) if periods else 0
 
     def number_at(self, time_ns: int) -> int:
         """Return the number of the period that ``time_ns`` is in."""
@@ -205,9 +228,13 @@ class Commits:
         due = ((begin_ns + crew.phase_ns, crew) for crew in self.crews(number).crews)
         return sorted(due, reverse=True)
 
-    def catch_up(self, until_ns: int) -> None:
-        """Make the commits that are missing until ``until_ns``."""
+    def catch_up(self, until_ns: int, most_work: int | None = None) -> bool:
+        """Make the commits that are missing until ``until_ns``; say whether all are made.
+
+        Where there is a ``most_work``, it is left at that once as much has been done.
+        """
         self.until_ns = max(self.until_ns, until_ns)
+        work = 0
         for number in self._numbers[bisect_left(self._numbers, self._first) :]:
             if self.begin_ns(number) > until_ns:
                 break
@@ -215,11 +242,14 @@ class Commits:
                 self._periods[number] = _Period(self.crews(number), self._agenda(number))
             period = self._periods[number]
             while period.to_do and period.to_do[-1][0] <= until_ns:
-                self._look_at(number, *period.to_do.pop())
+                if most_work is not None and work >= most_work:
+                    return False
+                work += self._look_at(number, *period.to_do.pop())
             if period.to_do:
                 break
             self._first = number + 1
             self._thin_out()
+        return True
 
     def _thin_out(self) -> None:
         made = sorted(self._periods)
@@ -303,15 +333,15 @@ class Commits:
             if made is not None and dap_id in made.places
         }
 
-    def _look_at(self, number: int, time_ns: int, crew: Crew) -> None:
-        """Make a crew's commit, unless it is there and was made of the same."""
+    def _look_at(self, number: int, time_ns: int, crew: Crew) -> int:
+        """Make a crew's commit, unless it is there and was made of the same; return the work."""
         period = self._periods[number]
         previous = self._previous(number, crew)
         tellers = self._tellers(number, crew, time_ns)
         made_of = tuple(each.serial for each in (*previous, *tellers.values()))
         made = period.commits.get(crew.leader)
         if made is not None and made.made_of == made_of:
-            return
+            return 0
         told = {dap_id: each.places[dap_id] for dap_id, each in tellers.items()}
         log = self._crew_log(number, crew, time_ns, told)
         before = joined([each.solution for each in previous])
@@ -335,9 +365,10 @@ class Commits:
             places = {dap_id: stood for each in previous for dap_id, stood in each.places.items()}
         else:
             period.commits.pop(crew.leader, None)
-            return
+            return crew.work
         period.commits[crew.leader] = Commit(self._made, crew, solution, places, made_of)
         self._made += 1
+        return crew.work
 
 
 def _commit(

@@ -42,6 +42,11 @@ class Crew(NamedTuple):
         return self.leader == EVERYBODY
 
     @property
+    def work(self) -> int:
+        """How much a commit of it is, about: of a small team, everybody's headings are tried."""
+        return len(self.members) ** 2 if self.is_everybody else len(self.members)
+
+    @property
     def rank(self) -> tuple[int, str]:
         """What crews are ordered by: who began first."""
         return self.began_ns, self.leader

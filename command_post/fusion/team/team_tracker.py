@@ -32,6 +32,7 @@ from command_post.fusion.team.estimates import (
 from command_post.fusion.team.forgetting import forget
 from command_post.fusion.team.front import cloud_before, told_by_cloud
 from command_post.fusion.team.height_assembly import solve_heights
+from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import END_OF_TIME_NS, Floats, TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
@@ -69,8 +70,8 @@ class TeamTracker:
         self._tick_ns = round(settings.tick_s * NS_PER_S)
         self._log = TeamLog()
         self._bonds = Bonds()
-        self._commits = Commits(self._log, self._bonds, settings)
-        self._agenda = Agenda(self._commits, settings)
+        self._lines = Lines(self._log, self._bonds, settings)
+        self._agenda = Agenda(self._lines, settings)
         self._solved_ns = -1
         self._poses: dict[str, Pose] = {}
         self._kept_ns: dict[str, int] = {}
@@ -88,6 +89,10 @@ class TeamTracker:
         """Whether nothing was forgotten."""
 
         self.counts: Counter[str] = Counter()
+
+    @property
+    def _commits(self) -> Commits:
+        return self._lines.live
 
     @property
     def daps(self) -> Mapping[str, InstalledDap]:
@@ -182,7 +187,7 @@ class TeamTracker:
         What is estimated is the same to the bit, live. Afterwards ways begin where they are begun
         from by then.
         """
-        found = self._commits.forget_before(before_ns)
+        found = self._lines.forget_before(before_ns)
         if found is not None:
             anchors, begin_ns = found
             forget(self._log, anchors, forgotten_ns(begin_ns, self._settings))
@@ -199,7 +204,7 @@ class TeamTracker:
         latest = self._latest_ns()
         if latest is None:
             return Afterwards({}, {})
-        self._commits.catch_up(latest)
+        self._lines.settle(latest)
         tracks: dict[str, SmoothedTrack] = {}
         daps: dict[str, InstalledDap] = {}
         for crew in self._commits.crews(self._commits.number_at(latest)).crews:
@@ -261,12 +266,12 @@ class TeamTracker:
             self.counts["repeated_event"] += 1
             return False
         bonds = bond is not None and bond()
-        self._commits.note(time_ns)
+        self._lines.note(time_ns)
         self.counts["late_fused"] += time_ns <= self._solved_ns
         if time_ns <= max(self._solved_ns, self._commits.until_ns):
             installs = self._log.daps.get(node_id, ()) if of_dap else ()
             who = self._bonds.concerned(node_id, installs) if of_dap else frozenset({node_id})
-            self._commits.forget(time_ns, who, bonds=bonds)
+            self._lines.forget(time_ns, who, bonds=bonds)
             self._agenda.ask_again()
         return True
 
@@ -285,7 +290,8 @@ class TeamTracker:
                 self._solve(crew, due_ns)
 
     def _solve(self, crew: Crew, due_ns: int) -> None:
-        self._commits.catch_up(due_ns)
+        if self._lines.catch_up(due_ns):
+            self._agenda.ask_again()
         self._solved_ns = max(self._solved_ns, due_ns)
         before = self._commits.before(crew, due_ns)
         fresh = None if crew.is_everybody else self._commits.fresh(crew, due_ns)
