@@ -7,34 +7,28 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import Event
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import structlog
 from cyclopts import Parameter
-from cyclopts.validators import Number
 from rich.console import Console
 from rich.live import Live
 
 from command_post.checkpoint import Checkpoints, checkpoint_path, load
 from command_post.commands.doors import Doors
+from command_post.commands.post_options import Fusing, PostItself, Record, WhoIsWho
 from command_post.commands.prepare import make_ready
-from command_post.fusion.settings import FusionSettings
-from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
 from command_post.metrics_server import metrics_address, told
-from command_post.plan_file import with_usable_plan
 from command_post.post import Post
 from command_post.recording import Recorder
 from command_post.recording_file import RecorderError
 from command_post.recording_mirror import Mirror
-from command_post.recording_set import Rotation
 from command_post.roster import Roster
 from command_post.table import roster_table
-from command_post.teams import Teams
+from shared.bus.interface import Bus
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
-from shared.config import checked, load_toml
 from shared.continued_clock import continued_clock
 from shared.files import FileHeldError, file_held_alone
 from shared.gate import Gate
@@ -46,35 +40,27 @@ from shared.process import (
     stop_on_signals,
     stop_with_parent,
 )
-from shared.security.certificates import Identity
-from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.security.bundle import Bundle
 from shared.sender import Unkept
-from shared.stations import read_stations
 from shared.strangers import NOBODY, AtLinks
-from shared.topics import check_id
-from shared.units import NS_PER_S
 
 _log = structlog.stdlib.get_logger(__name__)
 
 
+class _Link(NamedTuple):
+    """How the post is linked to all others: who is turned away where they link, it counts."""
+
+    bus: Bus
+    introductions: Introductions
+    at_links: AtLinks
+
+
 def run(
     *,
-    incident: str = "incident",
-    post_id: Annotated[str, Parameter(name="--id")] = "post",
-    record: Path = Path("incident.mcap"),
-    rotate_mb: Annotated[float, Parameter(validator=Number(gt=0))] = 256.0,
-    rotate_hours: Annotated[float, Parameter(validator=Number(gt=0))] = 1.0,
-    listen: str | None = None,
-    keys: Keys = None,
-    insecure: Insecure = False,
-    seed: int = 1,
-    particles: int = 1000,
-    hold_s: Annotated[float | None, Parameter(name="--hold")] = None,
-    horizon_min: Annotated[float, Parameter(name="--horizon", validator=Number(gt=0))] = 40.0,
-    lateness_min: Annotated[float, Parameter(name="--lateness", validator=Number(gt=0))] = 60.0,
-    plan: Path | None = None,
-    stations: Path | None = None,
-    teams: Path | None = None,
+    itself: PostItself = PostItself(),  # noqa: B008 - it is frozen
+    keeping: Record = Record(),  # noqa: B008 - it is frozen
+    fusing: Fusing = Fusing(),  # noqa: B008 - it is frozen
+    who: WhoIsWho = WhoIsWho(),  # noqa: B008 - it is frozen
     table: bool = False,
     metrics: str | None = None,
     doors: Doors = Doors(),  # noqa: B008 - it is frozen
@@ -88,40 +74,14 @@ def run(
 
     Parameters
     ----------
-    incident
-        Name of the incident; nodes of others are not heard.
-    post_id
-        Name of this post.
-    record
-        Where the recording goes; its name must be free. After a kill or a power cut the same
-        command goes on with what is unfinished there.
-    rotate_mb
-        A part of the recording has so many megabytes at most, about; NAME.part002.mcap follows.
-    rotate_hours
-        A part of the recording is of so many hours at most.
-    listen
-        Where DAPs and agents find the post; by default port 7447 of this machine alone.
-    keys
-        Folder of the post's keys: 'command-post keys issue' makes it.
-    insecure
-        Do without keys, on one machine: nothing is encrypted or authenticated.
-    seed
-        Of the particle filters' random numbers.
-    particles
-        For each responder.
-    hold_s
-        Seconds that events wait for earlier ones before they are fused; 0.1 if not given.
-    horizon_min
-        Minutes that ways are solved from at least; before that they stay as they were held to be.
-    lateness_min
-        Minutes after which what comes late is recorded, and not put on the map any more.
-    plan
-        The building's walls, in GeoJSON: tracks are held to the way they run where people go so.
-        One that cannot be used is named, also in the roster, and gone on without.
-    stations
-        Whose radio is whose, in TOML or CSV: told to DAPs and responders' units (docs/dap.md).
-    teams
-        Who is of which team, in TOML: who leaves theirs is alerted to (docs/alarms.md).
+    itself
+        Who the post is.
+    keeping
+        What it keeps.
+    fusing
+        How it fuses.
+    who
+        Who is who.
     table
         Show the roster on standard output.
     metrics
@@ -135,77 +95,76 @@ def run(
 
     """
     try:
-        fusion, refused = with_usable_plan(
-            checked(
-                FusionSettings(
-                    team=checked(
-                        TeamSettings(horizon_s=60.0 * horizon_min, lateness_s=60.0 * lateness_min)
-                    ),
-                    seed=seed,
-                    particles=particles,
-                )
-            ),
-            plan,
-        )
+        fusion, refused = fusing.settings()
         if refused is not None:
             _log.error(refused)
-        listed = None if stations is None else read_stations(stations)
+        bundle, stations = itself.open_keys(), who.station_table()
         settings = IncidentSettings(
-            incident=check_id(incident, "--incident"),
-            post_id=check_id(post_id, "--id"),
-            time_line=checked(TimeLineSettings(hold_s=hold_s)),
-            fusion=fusion,
-            teams=Teams() if teams is None else load_toml(teams, Teams),
-        )
-        bundle = open_keys(keys, Identity("post", post_id), insecure=insecure)
-        rotation = Rotation(round(rotate_mb * 1e6), round(rotate_hours * 3600 * NS_PER_S))
+            incident=itself.incident, post_id=itself.post_id, time_line=fusing.time_line,
+            fusion=fusion, teams=who.crews(),
+        )  # fmt: skip
         address = None if metrics is None else metrics_address(metrics, bundle)
         doors.check(bundle)
+        mirror = Mirror(doors.place)
         with ended_by_signals():
             make_ready(settings.fusion)
-        listened = [listen or local_endpoint(bundle)]
-        with (
-            stop_on_signals() as stop,
-            nullcontext() if bundle is None else RefusedLinks() as links,
-            open_zenoh("router", listen=listened, bundle=bundle) as bus,
-            Introductions(bus, incident, bundle) as introductions,
-        ):
+        with stop_on_signals() as stop, _linked(itself, bundle) as link:
             if with_parent:
                 stop_with_parent(stop)
-            metadata, mirror = settings.as_metadata(), Mirror(doors.place)
             with (
-                file_held_alone(record),
-                Recorder(
-                    record, metadata, resume=True, mirror=mirror, rotation=rotation
-                ) as recorder,
+                _recorded(keeping, settings, mirror) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
-                doors.opened(incident, post_id, bundle, plan) as guests,
+                doors.opened(itself.incident, itself.post_id, bundle, fusing.plan) as guests,
             ):
-                state = checkpoint_path(record)
-                part = recorder.unfinished
+                state, part = checkpoint_path(keeping.record), recorder.unfinished
                 kept = None if part is None else load(state, part, settings)
                 begun = Incident(settings, keeps_all=False) if kept is None else kept.state.incident
-                noted = record.with_name(f"{record.name}.clock")
                 post = Post(
-                    bus, begun, recorder, continued_clock(noted, goes_on=part is not None),
-                    follows_exercise=await_start, show=show, gate=Gate(introductions.signers),
+                    link.bus, begun, recorder,
+                    continued_clock(keeping.noted_clock, goes_on=part is not None),
+                    follows_exercise=await_start, show=show, gate=Gate(link.introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
-                    meet=introductions.meet, sign=None if bundle is None else bundle.sign,
+                    meet=link.introductions.meet, sign=None if bundle is None else bundle.sign,
                     metrics=figures, guests=guests,
                     remarks=() if refused is None else (refused,),
-                    checkpoints=Checkpoints(state, recorder), stations=listed,
-                    at_links=NOBODY if links is None else AtLinks(links.counts, links.breaches),
+                    checkpoints=Checkpoints(state, recorder), stations=stations,
+                    at_links=link.at_links,
                 )  # fmt: skip
                 if part is not None:
                     # It can be broken off: the recording stays as it is, to be gone on with.
                     with ended_by_signals():
                         post.take_up(read_recording(part), kept)
                     mirror.recall(begun.standing)
-                return _serve(post, recorder, stop, (state, noted))
+                return _serve(post, recorder, stop, (state, keeping.noted_clock))
     except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
+
+
+@contextmanager
+def _linked(itself: PostItself, bundle: Bundle | None) -> Iterator[_Link]:
+    """Give the bus, with who has introduced themselves on it."""
+    with (
+        nullcontext() if bundle is None else RefusedLinks() as links,
+        open_zenoh("router", listen=itself.endpoints(bundle), bundle=bundle) as bus,
+        Introductions(bus, itself.incident, bundle) as introductions,
+    ):
+        turned_away = NOBODY if links is None else AtLinks(links.counts, links.breaches)
+        yield _Link(bus, introductions, turned_away)
+
+
+@contextmanager
+def _recorded(keeping: Record, settings: IncidentSettings, mirror: Mirror) -> Iterator[Recorder]:
+    """Give the recorder; nobody else records there."""
+    with (
+        file_held_alone(keeping.record),
+        Recorder(
+            keeping.record, settings.as_metadata(), resume=True, mirror=mirror,
+            rotation=keeping.rotation,
+        ) as recorder,
+    ):  # fmt: skip
+        yield recorder
 
 
 def _serve(post: Post, recorder: Recorder, stop: Event, to_go_on: Sequence[Path]) -> ExitCode:

@@ -1,4 +1,4 @@
-"""The one table of what a recording's page does over HTTP (pure), as ``command_post.web.calls``."""
+"""The one table of what a recording's page does over HTTP, as ``command_post.web.calls`` has it."""
 
 from __future__ import annotations
 
