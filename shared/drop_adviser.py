@@ -1,13 +1,14 @@
 """When to set down the next DAP, as the one who carries it walks on (pure).
 
 What a DAP tells is a sum over those who pass it: each pass gains ½ log₂ det(I + P R⁻¹) bits of a
-place known to P, R being the tie's covariance. The logarithm grows slowly with the way since the
-last DAP, the number of passes falls fast with the depth: near the entrance all come by, in and out
-again. So DAPs are worth most close together there, and farther apart the deeper one is in; where
-ways meet, for there somebody passes again; and while the last one is still heard, for by it what
-is said comes out. What the unit knows of that are its own movements and how loud DAPs are: no map,
-and nobody else's track. The agent tells its wearer, the simulator lets those whom it simulates do
-as they are told.
+place known to P, R being the tie's covariance. P grows with the metres walked since a DAP was
+passed. How many will pass is guessed from the way back to the entrance: all come along it while it
+is straight, and fewer after each turn off it; in rooms hardly anybody. And fewer the later it is,
+for most have passed by then. A DAP that is set down without being passed again tells nothing: so
+they belong on the way that all share, and boxes that would not are kept. Apart from that one is
+wanted while the last one is still heard, for by it what is said comes out. What the unit knows of
+that are its own movements and how loud DAPs are: no map, and nobody else's track. The agent tells
+its wearer, the simulator lets those whom it simulates do as they are told.
 """
 
 from __future__ import annotations
@@ -21,20 +22,26 @@ from msgspec import Meta
 
 from shared.messages import Activity, NodeId, Vector3
 from shared.units import NS_PER_S
+from shared.way_back import WayBack
 
 Dbm: TypeAlias = Annotated[float, Meta(ge=-200.0, le=100.0)]
 Metres: TypeAlias = Annotated[float, Meta(gt=0.0, le=1e4)]
 Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 
-STAIRS: frozenset[Activity] = frozenset({"stairs_up", "stairs_down", "ladder"})
-NO_WAY: frozenset[Activity] = frozenset({"side_step", "lift"})
-"""Movements that do not go where the wearer's way goes."""
+STAIRS: frozenset[Activity] = frozenset({"stairs_up", "stairs_down", "ladder", "lift"})
+"""Movements from storey to storey."""
 
 LEAST_MOVE_M = 0.2
 """A shorter one is a turn on the spot."""
 
 STEEPEST_DB_M = 1.5
 """What falls more steeply is one wall, or a fade, and does not go on so."""
+
+STRAIGHT = 0.95
+"""So far over so long is to have come straight."""
+
+OFF_THE_WAY = 0.4
+"""Where fewer than this share pass, it is a room or a side way."""
 
 WALL_DB = 5.0
 """Between a light inner wall and a brick one (COST 231, multi-wall model)."""
@@ -46,12 +53,14 @@ class AdviserSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     Levels (dBm) are of the loudest DAP over ``window_s``: from ``by_dbm`` on it is passed, from
     ``covered_dbm`` on no further one is wanted. A link of ``weak_dbm`` begins to be in need; one of
     ``breaking_dbm``, ``ahead_m`` further on as the level falls now, is all but gone. With no DAP
-    passed for ``every_m``, and ``deeper_share`` of how far in the wearer is, the need for a tie is
-    full. To turn by ``turn_rad`` after going straight for ``straight_m`` is a junction, for
-    ``lasts_m``; who gets no further than the share ``searching`` of ``around_m`` walked is in a
-    room. A need counts fully at a junction or at stairs, by ``worth_on_way`` or ``worth_in_room``
-    elsewhere. Advice is raised from ``raise_at`` on, dropped under ``drop_at``. It is not raised
-    again within ``again_m``, nor, before it was dropped, within ``repeat_m``.
+    passed for ``every_m``, and ``later_share`` of all that the wearer has walked, the need for a
+    tie is full. It counts by how straight the way back is, all of it and the last ``around_m``,
+    each to the power ``parting``; not before it is ``least_in_m`` long, and fully within
+    ``lasts_m`` of stairs. Who comes within ``meets_m`` of their way of ``least_loop_m`` ago is
+    there again. To turn by ``turn_rad`` after going straight for ``straight_m`` is a junction, for
+    ``lasts_m``, where a need counts ``at_junction`` times. Advice is raised from ``raise_at`` on,
+    dropped under ``drop_at``. It is not raised again within ``again_m``, nor, before it was
+    dropped, within ``repeat_m``.
     """
 
     window_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 2.0
@@ -62,15 +71,17 @@ class AdviserSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     ahead_m: Metres = 5.0
     power_at_1_m_dbm: Dbm = -40.0
     path_loss_exponent: Annotated[float, Meta(ge=1.0, le=6.0)] = 2.2
-    every_m: Metres = 10.0
-    deeper_share: Share = 0.15
+    every_m: Metres = 13.0
+    later_share: Share = 0.17
+    parting: Annotated[float, Meta(ge=0.0, le=20.0)] = 3.0
+    least_in_m: Metres = 4.0
+    meets_m: Metres = 2.0
+    least_loop_m: Metres = 6.0
     turn_rad: Annotated[float, Meta(gt=0.0, le=3.2)] = math.radians(45.0)
     straight_m: Metres = 6.0
     around_m: Metres = 20.0
-    searching: Share = 0.6
     lasts_m: Metres = 3.0
-    worth_on_way: Share = 0.65
-    worth_in_room: Share = 0.2
+    at_junction: Annotated[float, Meta(ge=1.0, le=10.0)] = 1.3
     raise_at: Share = 0.6
     drop_at: Share = 0.4
     again_m: Metres = 8.0
@@ -94,18 +105,19 @@ class Advice(NamedTuple):
     reason: str
 
 
-class _Stop(NamedTuple):
-    """Where the wearer was: metres walked until then, and the place in the unit's own frame."""
-
-    walked_m: float
-    place_m: Vector3
-
-
 class _Need(NamedTuple):
     """How much a DAP is needed, from 0 to 1, and for what."""
 
     need: float
     words: str
+
+
+class _Site(NamedTuple):
+    """A junction or stairs: what, after how many metres walked, and what share of all passes."""
+
+    kind: str
+    walked_m: float
+    worth: float
 
 
 class DropAdviser:
@@ -118,14 +130,15 @@ class DropAdviser:
     def __init__(self, boxes: int, settings: AdviserSettings | None = None) -> None:
         self.boxes = boxes
         self._settings = settings or AdviserSettings()
-        self._way: deque[_Stop] = deque([_Stop(0.0, (0.0, 0.0, 0.0))])
+        self._way = WayBack(self._settings.meets_m, self._settings.least_loop_m)
+        self._walked_m = 0.0
         self._heard: dict[NodeId, deque[tuple[int, float]]] = {}
         self._passed_m: dict[NodeId, float] = {}
         self._levels: deque[tuple[float, float]] = deque()
         # One goes in past the door, where the first DAP stands.
         self._by_m = 0.0
-        self._site: tuple[str, float] | None = None
-        self._on_stairs = False
+        self._site: _Site | None = None
+        self._climbs: Activity | None = None
         self._raised = False
         self._raised_m = -math.inf
 
@@ -139,7 +152,7 @@ class DropAdviser:
     def set_down(self) -> None:
         """Note that the wearer has set one down here."""
         self.boxes -= 1
-        self._by_m = self._way[-1].walked_m
+        self._by_m = self._walked_m
         self._raised = False
 
     def move(self, time_ns: int, displacement_m: Vector3, activity: Activity) -> Advice | None:
@@ -159,7 +172,7 @@ class DropAdviser:
         settings = self._settings
         if advice.urgency < settings.drop_at:
             self._raised = False
-        walked_m = self._way[-1].walked_m
+        walked_m = self._walked_m
         waits_m = settings.repeat_m if self._raised else settings.again_m
         if advice.urgency < settings.raise_at or walked_m - self._raised_m < waits_m:
             return None
@@ -168,35 +181,32 @@ class DropAdviser:
 
     def _note_site(self, displacement_m: Vector3, activity: Activity) -> None:
         """Note where ways meet, or stairs begin or end: that is where the movement begins."""
-        climbs = activity in STAIRS
-        if climbs != self._on_stairs:
-            self._on_stairs = climbs
-            self._site = ("at the stairs", self._way[-1].walked_m)
+        climbs = activity if activity in STAIRS else None
+        if climbs != self._climbs:
+            kind = "at the lift" if "lift" in (climbs, self._climbs) else "at the stairs"
+            self._site = _Site(kind, self._walked_m, 1.0)
+            self._climbs = climbs
+            self._way.come_in()
         north_m, east_m, _ = displacement_m
         length_m = math.hypot(north_m, east_m)
-        straight = self._straight()
-        if activity in NO_WAY or climbs or length_m < LEAST_MOVE_M or straight is None:
+        straight = self._way.direction(self._settings.straight_m, STRAIGHT)
+        if climbs or activity == "side_step" or length_m < LEAST_MOVE_M or straight is None:
             return
         along = (north_m * straight[0] + east_m * straight[1]) / length_m
-        if along < math.cos(self._settings.turn_rad) and not self._searches:
-            self._site = ("at a junction", self._way[-1].walked_m)
+        if along < math.cos(self._settings.turn_rad):
+            worth = self._share() * self._settings.at_junction
+            self._site = _Site("at a junction", self._walked_m, worth)
 
     def _walk(self, displacement_m: Vector3) -> None:
-        walked_m, place_m = self._way[-1]
-        moved_m = math.hypot(displacement_m[0], displacement_m[1])
-        there_m = (
-            place_m[0] + displacement_m[0],
-            place_m[1] + displacement_m[1],
-            place_m[2] + displacement_m[2],
-        )
-        self._way.append(_Stop(walked_m + moved_m, there_m))
-        while self._way[1].walked_m < walked_m + moved_m - self._settings.around_m:
-            self._way.popleft()
+        north_m, east_m, _ = displacement_m
+        self._walked_m += math.hypot(north_m, east_m)
+        if self._climbs is None:
+            self._way.walk(north_m, east_m)
 
     def _look(self, time_ns: int) -> float | None:
         """Return how loud the loudest DAP is (dBm), noting which are passed; ``None`` if none."""
         since_ns = time_ns - round(self._settings.window_s * NS_PER_S)
-        walked_m = self._way[-1].walked_m
+        walked_m = self._walked_m
         loudest_dbm: float | None = None
         for dap_id, heard in self._heard.items():
             recent = [dbm for at_ns, dbm in heard if at_ns > since_ns]
@@ -217,13 +227,13 @@ class DropAdviser:
         return loudest_dbm
 
     def _for_tie(self, level_dbm: float | None) -> _Need:
-        """Say how much a DAP is needed to tie tracks down: the more, the longer none was passed."""
-        since_m = self._way[-1].walked_m - self._by_m
+        """Say how much a DAP is needed to tie tracks: by metres since one, and who will pass."""
+        settings = self._settings
+        since_m = self._walked_m - self._by_m
         where, worth = self._where()
         near = "" if level_dbm is None else f", the next one at {level_dbm:.0f} dBm"
-        deep_m = math.hypot(*self._way[-1].place_m[:2])
-        every_m = self._settings.every_m + self._settings.deeper_share * deep_m
-        need = min(since_m / every_m, 1.0) * worth
+        every_m = settings.every_m + settings.later_share * self._walked_m
+        need = min(since_m / every_m * worth, 1.0)
         return _Need(need, f"{where}, {since_m:.0f} m since the last DAP{near}")
 
     def _for_link(self, level_dbm: float | None) -> _Need:
@@ -245,42 +255,21 @@ class DropAdviser:
         return _Need(need * worth, words)
 
     def _where(self) -> tuple[str, float]:
-        """Say what kind of place this is, and what share of a need counts here."""
-        settings = self._settings
-        if self._on_stairs:
+        """Say what kind of place this is, and what a need counts here."""
+        if self._climbs is not None:
             return "on stairs", 0.0
-        if self._site is not None:
-            kind, at_m = self._site
-            if self._way[-1].walked_m - at_m <= settings.lasts_m:
-                return kind, 1.0
-        if self._searches:
-            return "in a room", settings.worth_in_room
-        return "on the way", settings.worth_on_way
+        site = self._site
+        if site is not None and self._walked_m - site.walked_m <= self._settings.lasts_m:
+            return site.kind, site.worth
+        if self._way.length_m < self._settings.least_in_m:
+            return "at the entrance", 0.0
+        worth = self._share()
+        return "off the way" if worth < OFF_THE_WAY else "on the way", worth
 
-    @property
-    def _searches(self) -> bool:
-        """Whether the wearer has turned about for so long that this is no way from place to place.
-
-        Over a shorter way than ``around_m`` nothing can be said.
-        """
-        first, last = self._way[0], self._way[-1]
-        walked_m = last.walked_m - first.walked_m
-        got_m = math.dist(first.place_m[:2], last.place_m[:2])
-        return (
-            walked_m > 0.9 * self._settings.around_m and got_m < self._settings.searching * walked_m
-        )
-
-    def _straight(self) -> tuple[float, float] | None:
-        """Return which way (north, east) the wearer has come straight, if they have."""
-        last = self._way[-1]
-        for stop in reversed(self._way):
-            walked_m = last.walked_m - stop.walked_m
-            if walked_m >= self._settings.straight_m:
-                north_m = last.place_m[0] - stop.place_m[0]
-                east_m = last.place_m[1] - stop.place_m[1]
-                got_m = math.hypot(north_m, east_m)
-                return (north_m / got_m, east_m / got_m) if got_m > 0.95 * walked_m else None
-        return None
+    def _share(self) -> float:
+        """Guess what share of all will pass here, from how straight the way back is."""
+        last = self._way.straightness(self._settings.around_m)
+        return math.pow(last * self._way.straightness(math.inf), self._settings.parting)
 
     def _slope_db_m(self) -> float:
         """Return by how much the level rises for each metre walked, over the last ones."""
@@ -299,7 +288,7 @@ class DropAdviser:
         """
         if not self._passed_m:
             return 0
-        far_m = max(self._way[-1].walked_m - max(self._passed_m.values()), 1.0)
+        far_m = max(self._walked_m - max(self._passed_m.values()), 1.0)
         free_dbm = self._settings.power_at_1_m_dbm
         free_dbm -= 10.0 * self._settings.path_loss_exponent * math.log10(far_m)
         return max(round((free_dbm - level_dbm) / WALL_DB), 0)

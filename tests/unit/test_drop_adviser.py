@@ -100,10 +100,28 @@ def test_who_searches_a_room_is_not_told_at_every_corner() -> None:
     walk = _Walk(hears=False)
     walk.go(12.0)
     walk.adviser.set_down()
-    for _ in range(4):
+    for _ in range(3):
         walk.go(8.4, turn_deg=90.0)
         walk.go(4.8, turn_deg=90.0)
     assert len(walk.advice) <= 2
+
+
+def test_a_side_way_with_many_turns_wants_fewer_than_one_straight_on() -> None:
+    straight, bent = _Walk(boxes=9, hears=False), _Walk(boxes=9, hears=False)
+    for turn_deg in (0.0, 90.0, 90.0, -90.0, 90.0, 90.0):
+        straight.go(14.4)
+        bent.go(14.4, turn_deg=turn_deg)
+    assert 0 < len(bent.advice) < len(straight.advice)
+
+
+def test_another_storey_is_come_into_anew() -> None:
+    walk = _Walk(boxes=9, hears=False)
+    for turn_deg in (0.0, 90.0, 90.0):
+        walk.go(9.6, turn_deg=turn_deg)
+    walk.go(6.0, turn_deg=-90.0, activity="stairs_up", climb_m=0.7)
+    said = len(walk.advice)
+    walk.go(9.6, turn_deg=-90.0)
+    assert walk.advice[said].reason.startswith("at the stairs")
 
 
 def test_advice_is_not_said_twice_of_one_place_and_never_without_boxes() -> None:
@@ -130,7 +148,7 @@ def test_who_has_set_one_down_is_not_asked_for_the_next_at_once() -> None:
     assert len(walk.advice) == 1
 
 
-def test_the_deeper_one_is_in_the_farther_apart_they_stand() -> None:
+def test_the_later_it_is_the_farther_apart_they_stand() -> None:
     walk = _Walk(hears=False)
     for _ in range(70):
         said = len(walk.advice)

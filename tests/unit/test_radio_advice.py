@@ -67,4 +67,4 @@ def test_none_is_asked_for_while_one_is_loud_once_its_readings_are_brought_to_sc
     tmp_path: Path,
 ) -> None:
     """-90 dBm would be a link all but gone, but this radio hears 10 dB too little."""
-    assert told_on_the_way(tmp_path, [-90] * 8) == []
+    assert told_on_the_way(tmp_path, [-90] * 6) == []
