@@ -114,9 +114,10 @@ class VehicleTracker:
         gap = lasted_s > LONGEST_STEP_S
         self._turn(rate_rad_s, lasted_s)
         motion = self.filter.read(force_m_s2, rate_rad_s)
-        slipped, self.slips = self.slips, self._slip.step(motion, self.filter.speed_m_s, lasted_s)
+        suspected_s = self._slip.suspected_s
+        slipped, self.slips = self.slips, self._slip.step(motion, self.filter, lasted_s)
         if self.slips and not slipped:
-            self._begin_slip()
+            self._begin_slip(suspected_s)
         if slipped and not self.slips and self._clipped is not None:
             self._make_whole(self._clipped)
             motion = self.filter.read(force_m_s2, rate_rad_s)
@@ -216,10 +217,13 @@ class VehicleTracker:
             )
         )
 
-    def _begin_slip(self) -> None:
-        """Hold what the vehicle did before; what the sensor turned already was no turn of it."""
+    def _begin_slip(self, suspected_s: float) -> None:
+        """Hold what the vehicle did before; what the sensor turned already was no turn of it.
+
+        So is what it turned in the last ``suspected_s``.
+        """
         low_rad_s = QUIET_SHARE * self._slip.threshold_rad_s
-        begun_s = self.time_s
+        begun_s = self.time_s - suspected_s
         for one in reversed(self.memory.moments):
             if one.slips or begun_s - one.time_s > QUIET_S:
                 break
@@ -263,7 +267,7 @@ class VehicleTracker:
         going_m_s = DOUBTED_STANDING_SDS * self.filter.speed_sd_m_s + CLEARLY_GOING_M_S
         if self.filter.speed_m_s > going_m_s:
             self._standstill.goes(force_m_s2)
-        if self.time_s - self.memory.slipped_s > UNTURNED_S:
+        if self.time_s - self.memory.slipped_s > UNTURNED_S and not self._slip.suspects:
             compare_turn(self.filter, mean)
         suppose_usual(self.filter, mean)
         face(self.filter, self.memory)
