@@ -38,6 +38,9 @@ UNTURNED_S = 1.5
 HELD_S = 1.0
 """Over how long the acceleration and turn that are held over a slip, or a gap, are averaged."""
 
+PUSHED_S = 0.3
+"""Likewise, where specific force is to point after a blow as it did before."""
+
 HELD_ACCELERATION_SD_M_S2 = 1.0
 HELD_TURN_SD_RAD_S = 0.1
 """How wrong what is held may be."""
@@ -97,6 +100,7 @@ class VehicleTracker:
     _slip: SlipDetector = field(default_factory=SlipDetector)
     _standstill: Standstill = field(default_factory=Standstill)
     _held: Held = field(default_factory=Held)
+    _pushed_m_s2: tuple[float, float] = (0.0, 0.0)
     _clipped: ClippedTurn | None = None
     _travelled_m: float = 0.0
     _ticked_s: float = field(init=False)
@@ -190,11 +194,10 @@ class VehicleTracker:
             sum(column) / len(quiet)
             for column in zip(*((one[6], one[7], one[8]) for one in quiet), strict=True)
         )
-        sideways_m_s2 = self._held.turn_rad_s * state.speed_m_s
         state.level_from_sensor = clipped.made_whole(
             state.level_from_sensor,
             state.in_level_axes((forward_m_s2, right_m_s2, down_m_s2 - GRAVITY_M_S2)),
-            state.in_level_axes((self._held.forward_m_s2, sideways_m_s2, -GRAVITY_M_S2)),
+            state.in_level_axes((*self._pushed_m_s2, -GRAVITY_M_S2)),
         )
         state.doubt(tilt=RELEVELLED_SD_RAD**2, forward=REFACED_SD_RAD**2)
 
@@ -230,6 +233,9 @@ class VehicleTracker:
             if math.hypot(one.roll_rad_s, one.pitch_rad_s) > low_rad_s:
                 begun_s = one.time_s
         self._held = self._usual(begun_s)
+        before = mean_of(self.memory.after(begun_s - PUSHED_S, begun_s))
+        if before is not None:
+            self._pushed_m_s2 = (before.forward_m_s2, before.right_m_s2)
         self.filter.heading_rad -= sum(
             (one.yaw_rad_s - self._held.turn_rad_s) * one.lasted_s
             for one in self.memory.after(begun_s)

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import default_rng
+from scipy.spatial.transform import Rotation
 
 from edge_agent.evaluation.vehicle_mountings import Lie, mounted
 from edge_agent.mounts.interface import Increment
@@ -86,6 +87,23 @@ def test_an_unknown_speed_is_found_from_the_road() -> None:
     mount = VehicleMount()
     told = mount.steps(truth.recording) + mount.finish()
     assert np.abs(speed_errors_m_s(told, truth)[-8:]).max() < 1.5
+
+
+def test_a_hand_that_turns_the_phone_slowly_turns_no_vehicle() -> None:
+    truth = drive(((0.0, 12.0), (16.0, 12.0)))
+    samples = truth.recording
+    time_s = samples.time_ns / 1e9
+    turned_rad = 0.18 * np.clip(time_s - 9.0, 0.0, 3.0)
+    turned = Rotation.from_rotvec(np.outer(turned_rad, [0.0, 0.0, 1.0])).inv()
+    rate_rad_s = samples.rate_rad_s + [[0.0, 0.0, 1.0]] * np.gradient(turned_rad, time_s)[:, None]
+    mount = VehicleMount()
+    mount.know_speed(12.0, 0.1)
+    held = replace(
+        samples, force_m_s2=turned.apply(samples.force_m_s2), rate_rad_s=turned.apply(rate_rad_s)
+    )
+    told = mount.steps(held) + mount.finish()
+    assert abs(told[-1].heading_rad) < math.radians(12.0), "the hand turned by 31°"
+    assert np.abs(speed_errors_m_s(told, truth)).max() < 1.5
 
 
 def test_satellites_tell_a_speed_that_the_road_does_not() -> None:
