@@ -46,6 +46,10 @@ SHARE_BELIEVED = 0.7
 
 FEWEST_SAMPLES = 4 * ORDER
 
+SPARSE_S = 0.0135
+"""Of samples further apart, by the median, the moments between are interpolated: whitening and the
+echo's shape are those of some 100 Hz."""
+
 
 class Vibration(NamedTuple):
     """The last seconds: ``time_s``, ``travelled_m`` and rates (n,) about the car's own axes."""
@@ -71,6 +75,7 @@ def echo_log_likelihoods(
     no echo inside the window, it is 0.
     """
     wheelbase_m, late_s = echo
+    vibration = _dense(vibration)
     time_s = vibration.time_s - vibration.time_s[-1]
     listening = vibration.time_s > begin_s
     if len(time_s) < FEWEST_SAMPLES or not listening.any():
@@ -105,6 +110,28 @@ def echo_log_likelihoods(
                 )
             ) - math.log(len(LOUDNESS))
     return told
+
+
+def _dense(vibration: Vibration) -> Vibration:
+    """Return ``vibration`` at twice the rate, if it is sparse."""
+    time_s = vibration.time_s
+    if len(time_s) < FEWEST_SAMPLES or np.median(np.diff(time_s)) < SPARSE_S:
+        return vibration
+    # A cubic through times would go back beside a gap.
+    return Vibration(
+        _doubled(time_s, 0.0),
+        _doubled(vibration.travelled_m, 0.0),
+        _doubled(vibration.roll_rad_s, 1.0),
+        _doubled(vibration.pitch_rad_s, 1.0),
+    )
+
+
+def _doubled(signal: Array, cubic: float) -> Array:
+    """Return ``signal`` (n,) with values halfway between, by lines (0) or cubics (1): (2n - 4,)."""
+    before, here, there, after = (signal[k : len(signal) - 3 + k] for k in range(4))
+    bent = (here - before + there - after) / 16.0
+    between = 0.5 * (here + there) + cubic * bent
+    return np.append(np.column_stack((here, between)).ravel(), signal[-2:])
 
 
 def whitened(signal: Array) -> Array:

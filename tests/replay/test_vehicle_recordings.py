@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from edge_agent.evaluation.score_card import TrialScore
@@ -31,6 +33,22 @@ def recorded_drive(data_dir: Path) -> Path:
 
 def test_speed_holds_for_a_minute_without_satellites(recorded_drive: Path) -> None:
     assert (score(recorded_drive, "piece_0", VehicleMount).speed_rmse_m_s or 9.0) <= 1.0
+
+
+def test_half_the_rate_is_enough(recorded_drive: Path) -> None:
+    lying = next(one for one in lyings_of(recorded_drive) if one.lie is None)
+    samples, truth = mounted_drive(recorded_drive, lying)
+    even, odd = (samples.rows(np.arange(first, len(samples) - 1, 2)) for first in (0, 1))
+    halved = replace(
+        odd,
+        time_ns=(even.time_ns + odd.time_ns) // 2,
+        force_m_s2=0.5 * (even.force_m_s2 + odd.force_m_s2),
+        rate_rad_s=0.5 * (even.rate_rad_s + odd.rate_rad_s),
+    )
+    halved_truth = replace(truth, fixed=replace(truth.fixed, samples=halved))
+    drive = follow_drive(VehicleMount(), halved, truth.fixed.speed)
+    row = score_drive("halved", "vehicle", drive, None, halved_truth)
+    assert (row.speed_rmse_m_s or 9.0) <= 1.0
 
 
 @pytest.mark.parametrize("seed", [0, 3, 26, 40])
