@@ -38,7 +38,8 @@ def test_speed_holds_for_a_minute_without_satellites(recorded_drive: Path) -> No
 def test_half_the_rate_is_enough(recorded_drive: Path) -> None:
     lying = next(one for one in lyings_of(recorded_drive) if one.lie is None)
     samples, truth = mounted_drive(recorded_drive, lying)
-    even, odd = (samples.rows(np.arange(first, len(samples) - 1, 2)) for first in (0, 1))
+    pairs = np.arange(0, len(samples) - 1, 2)
+    even, odd = samples.rows(pairs), samples.rows(pairs + 1)
     halved = replace(
         odd,
         time_ns=(even.time_ns + odd.time_ns) // 2,
