@@ -97,6 +97,21 @@ def test_what_is_kept_stays_as_much_and_what_is_told_is_the_same(said: list[Said
         assert len(after.tracks[name].time_s) < 0.5 * strides
 
 
+def test_nor_does_it_while_there_is_no_solution(
+    said: list[Said], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who is never solved is never anchored, and is not kept for ever all the same."""
+    monkeypatch.setattr(commits, "_commit", lambda *_: None)
+    team = structs.replace(TEAM, horizon_s=10.0, lateness_s=20.0, crew_most=1)
+    incident = Incident(IncidentSettings(fusion=FusionSettings(team=team)), keeps_all=False)
+    sizes = []
+    for number, each in enumerate(said):
+        hand(incident, each)
+        if number % 480 == 479:
+            sizes.append(size(incident))
+    assert max(sizes[-2:]) < 1.02 * max(sizes[-4:-2])
+
+
 def test_who_is_late_within_what_is_allowed_leaves_no_trace(
     said: list[Said], monkeypatch: pytest.MonkeyPatch
 ) -> None:

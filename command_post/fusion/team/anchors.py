@@ -165,15 +165,16 @@ def _start(solved: Solved, heights: Heights, index: int, *, told: bool) -> Start
 def cut(log: TeamLog, anchors: Anchors, time_ns: int, settings: TeamSettings) -> TeamLog:
     """Return what counts at ``time_ns``: what was heard since the crew was anchored.
 
-    It is as if all began there. Of who was not, what was heard before twice the horizon, apart from
-    how they moved, counts no more either; nor does where a DAP stood before it was set down again.
+    It is as if all began there. Of who was not, what was heard before twice the horizon counts no
+    more either, nor how they moved before twice as long again: only who has no solution is not
+    anchored by then. Nor does where a DAP stood before it was set down again.
     """
-    since_ns = forgotten_ns(time_ns, settings)
+    since_ns, moved_since_ns = forgotten_ns(time_ns, settings), unanchored_ns(time_ns, settings)
     since = TeamLog()
     since.responders = {
         name: _cut(own, anchors.starts[name], anchors.until_ns[name])
         if name in anchors.starts
-        else heard_after(own, since_ns)
+        else replace(heard_after(own, since_ns), moves=own.moves.later_than(moved_since_ns))
         for name, own in log.responders.items()
     }
     since.daps = {
@@ -220,6 +221,11 @@ def last_and_after(events: Sequence[_Timed], time_ns: int) -> list[_Timed]:
 def forgotten_ns(time_ns: int, settings: TeamSettings) -> int:
     """Return until when nothing counts any more at ``time_ns`` of whoever was not anchored."""
     return time_ns - round(2.0 * settings.horizon_s * NS_PER_S)
+
+
+def unanchored_ns(time_ns: int, settings: TeamSettings) -> int:
+    """Return until when not even moves count at ``time_ns`` of whoever was not anchored."""
+    return time_ns - round(4.0 * settings.horizon_s * NS_PER_S)
 
 
 def with_past(solution: Solution) -> Solution:

@@ -18,7 +18,7 @@ from command_post.fusion.cloud.cloud import Cloud
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack
 from command_post.fusion.team.agenda import Agenda
-from command_post.fusion.team.anchors import cut, forgotten_ns, with_past
+from command_post.fusion.team.anchors import cut, with_past
 from command_post.fusion.team.commits import Commits, Fresh
 from command_post.fusion.team.crews import EVERYBODY, Bonds, Crew
 from command_post.fusion.team.dap_places import daps_of
@@ -190,7 +190,7 @@ class TeamTracker:
         found = self._lines.forget_before(before_ns)
         if found is not None:
             anchors, begin_ns = found
-            forget(self._log, anchors, forgotten_ns(begin_ns, self._settings))
+            forget(self._log, anchors, begin_ns, self._settings)
             self._is_whole = False
 
     def take_changes(self) -> Changes:
