@@ -1,4 +1,4 @@
-"""Whose messages a router's access rules turn away, as Zenoh's trace has it (pure).
+"""Whose messages, questions and declarations a router turns away, as Zenoh's trace has it (pure).
 
 Zenoh counts them nowhere. Its trace tells of each, but by the link's number alone, and tells in the
 same words what it looks up beforehand, for every key that anybody declares. A look-up begins with
@@ -8,13 +8,28 @@ the key that it is of; it names the link's certificate as well, and that is how 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
+
+Act: TypeAlias = Literal["say", "ask", "listen", "answer", "be there"]
 
 ACCESS_TARGET = "zenoh::net::routing::interceptor::access_control"
 """What Zenoh's trace is to be turned on for."""
 
-TELLING = (r"unauthorized to Put \(ingress\)", r"\(ingress\): caching")
+_ACTS: dict[str, Act] = {
+    "Put": "say",
+    "Query": "ask",
+    "Declare Subscriber": "listen",
+    "Declare Queryable": "answer",
+    "Liveliness Token": "be there",
+}
+"""What a node may not, by Zenoh's word for it."""
+
+_WORD = "|".join(_ACTS)
+TELLING = (rf"unauthorized to (?:{_WORD}) \(ingress\)", r"\(ingress\): caching")
 """Only lines that have one of these, a regular expression each, are worth taking."""
+
+OURS = "clew/"
+"""What keys of ours begin with."""
 
 MOST_LINKS = 1000
 MOST_THREADS = 100
@@ -23,19 +38,20 @@ _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _LOOKS_UP = re.compile(r"(ThreadId\(\d+\)).*\(ingress\): caching permissions for `([^`]*)`")
 _TURNED_AWAY = re.compile(
     r"(?P<thread>ThreadId\(\d+\)).*?: (?P<again>Using cached result: )?(?P<link>[0-9a-f]+) "
-    r"(?:on (?P<where>\S+) )?is unauthorized to Put \(ingress\) on (?P<key>\S+)"
+    rf"(?:on (?P<where>\S+) )?is unauthorized to (?P<word>{_WORD}) \(ingress\) on (?P<key>\S+)"
 )
 _NAME = re.compile(r"CertCommonName\(([A-Za-z0-9_-]+)\)")
 
 
 class Breach(NamedTuple):
-    """A message that was put under a key which is not its sender's to say, and not let pass.
+    """What a node did under a key where it may not, and was not let.
 
     ``sender_id`` is the node whose certificate the link has; "" where Zenoh did not tell.
     """
 
     sender_id: str
     key: str
+    act: Act = "say"
 
 
 class AccessLog:
@@ -62,7 +78,13 @@ class AccessLog:
             _keep(self._senders, turned["link"], name[1], MOST_LINKS)
         if not turned["again"] and self._looks_up.get(turned["thread"]) == turned["key"]:
             return None
-        return Breach(self._senders.get(turned["link"], ""), turned["key"])
+        sender_id, key, act = (
+            self._senders.get(turned["link"], ""),
+            turned["key"],
+            _ACTS[turned["word"]],
+        )
+        # Routers hand on what Zenoh has of its own.
+        return Breach(sender_id, key, act) if act == "say" or key.startswith(OURS) else None
 
 
 def _keep(known: dict[str, str], name: str, value: str, most: int) -> None:

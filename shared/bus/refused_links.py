@@ -17,7 +17,7 @@ from typing import TextIO
 import structlog
 import zenoh
 
-from shared.bus.access_log import ACCESS_TARGET, TELLING, AccessLog
+from shared.bus.access_log import ACCESS_TARGET, TELLING, AccessLog, Act, Breach
 from shared.topics import is_id
 
 if sys.platform == "linux":
@@ -57,13 +57,15 @@ class RefusedLinks:
     """In its ``with`` block, ``counts`` the refused links of this process's routers, by reason.
 
     ``not_named`` are those who got a link, and are let say nothing. ``breaches`` counts what nodes
-    with a link put under keys that are not theirs: by who says so, and the node that is named. To
-    be entered before a router opens, and by one at a time.
+    with a link put under keys that are not theirs: by who says so, and the node that is named;
+    ``overreaches`` what else they are not let: by who, and whether they ask, listen, answer, or
+    would be there. To be entered before a router opens, and by one at a time.
     """
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
         self.breaches: Counter[tuple[str, str]] = Counter()
+        self.overreaches: Counter[tuple[str, Act]] = Counter()
         self._access = AccessLog()
         self._thread = threading.Thread(target=self._read, name="refused-links", daemon=True)
 
@@ -92,12 +94,17 @@ class RefusedLinks:
             _log.warning("links refused in all", reason=reason, count=count)
         for (sender_id, named), count in sorted(self.breaches.items()):
             _log.warning("not let say in all", node_id=sender_id, named=named, count=count)
+        for (sender_id, would), count in sorted(self.overreaches.items()):
+            _log.warning("not let in all", node_id=sender_id, would=would, count=count)
 
     def note(self, line: str) -> None:
         """Take in a line of Zenoh's log."""
         breach = self._access.take(line)
         if breach is not None:
-            self._note_breach(*breach)
+            if breach.act == "say":
+                self._note_breach(breach.sender_id, breach.key)
+            else:
+                self._note_overreach(breach)
             return
         reason = next((why for words, why in _REASONS.items() if words in line), None)
         if reason is None:
@@ -118,6 +125,17 @@ class RefusedLinks:
             _log.warning(
                 "a node says what is not its own to say, and is not let",
                 node_id=sender_id, key=key, count=self.breaches[who],
+            )  # fmt: skip
+
+    def _note_overreach(self, breach: Breach) -> None:
+        who = (breach.sender_id, breach.act)
+        if who not in self.overreaches and len(self.overreaches) >= MOST_NAMED:
+            who = ("", breach.act)
+        self.overreaches[who] += 1
+        if _is_told(self.overreaches[who]):
+            _log.warning(
+                "a node would do what it may not, and is not let", node_id=breach.sender_id,
+                would=breach.act, key=breach.key, count=self.overreaches[who],
             )  # fmt: skip
 
     def _read(self) -> None:

@@ -131,6 +131,9 @@ def test_a_post_is_alerted_to_strangers_and_to_who_speaks_for_others(tmp_path: P
                 with socket.create_connection(("127.0.0.1", port_of(endpoint))) as plain:
                     plain.sendall(b"GET / HTTP/1.0\r\n\r\n")
 
+                client.subscribe("clew/**", lambda _: None)
+                client.query("clew/v1/fire/responder/r2/journal", timeout_s=DEADLINE_S)
+
                 def speak() -> bool:
                     client.publish("clew/v1/fire/responder/r2/increment", b"not mine")
                     dap.publish("clew/v1/fire/responder/r2/increment", b"handed on")
@@ -142,6 +145,8 @@ def test_a_post_is_alerted_to_strangers_and_to_who_speaks_for_others(tmp_path: P
             assert post.wait(DEADLINE_S) == ExitCode.OK
         finally:
             post.kill()
+    for would in ("listen", "ask"):
+        assert f"node_id=r1 would={would}" in log.read_text()
     alerts = {alert.node_id: alert for alert in alerts_in(tmp_path / "fire.mcap")}
     assert {alert.kind for alert in alerts.values()} == {"intruder"}
     assert alerts["r1"].words == "says what is r2's to say, and is not let"

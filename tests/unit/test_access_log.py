@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from shared.bus.access_log import MOST_LINKS, AccessLog, Breach
+import pytest
+
+from shared.bus.access_log import MOST_LINKS, AccessLog, Act, Breach
 
 R2 = "clew/v1/fire/responder/r2/increment"
 WHERE = "Interface(lo)+CertCommonName(r1)+Transport(Tls)+fdd2"
@@ -18,7 +20,17 @@ def looks_up(key: str, thread: int = 9) -> list[str]:
         told(f"ACL (ingress): caching permissions for `{key}` ...", thread),
         *(
             told(f"fdd2 on {WHERE} is unauthorized to {action} (ingress) on {key}", thread)
-            for action in ("Query", "Reply", "Put", "Delete")
+            for action in (
+                "Query",
+                "Reply",
+                "Put",
+                "Delete",
+                "Declare/Undeclare Subscriber",
+                "Declare/Undeclare Queryable",
+                "Declare/Undeclare Liveliness Token",
+                "Liveliness Query",
+                "Declare Liveliness Subscriber",
+            )
         ),
     ]
 
@@ -51,6 +63,19 @@ def test_what_is_let_pass_and_what_goes_out_is_none() -> None:
         told(f"Using cached result: fdd2 is unauthorized to Put (egress) on {R2}"),
         "something else (ingress)", "",
     ]) == []  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("word", "act"),
+    [("Query", "ask"), ("Declare Subscriber", "listen"), ("Declare Queryable", "answer"),
+     ("Liveliness Token", "be there")],
+)  # fmt: skip
+def test_questions_and_declarations_are_told_apart_from_look_ups(word: str, act: Act) -> None:
+    cached = told(f"Using cached result: fdd2 is unauthorized to {word} (ingress) on {R2}")
+    assert found([*looks_up(R2), cached]) == [Breach("r1", R2, act)]
+    wide = told(f"fdd2 on {WHERE} is unauthorized to {word} (ingress) on clew/**")
+    assert found([wide]) == [Breach("r1", "clew/**", act)]
+    assert found([wide.replace("on clew/", "on @/")]) == []
 
 
 def test_of_an_unknown_link_the_sender_is_not_known() -> None:
