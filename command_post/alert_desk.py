@@ -43,7 +43,7 @@ from shared.units import NS_PER_S
 Node: TypeAlias = tuple[Role, str]
 
 SILENT_NS = 10 * NS_PER_S
-"""A node beats once a second: one that is not heard for so long has lost contact."""
+"""A node beats twice a second: one that is not heard for so long has lost contact."""
 
 HOLDS_SILENT = 20
 """In an exercise in a hurry beats are rarer: so many holds, if that is longer."""

@@ -10,7 +10,7 @@ from shared.units import NS_PER_S
 LOW_SHARE = 0.2
 HOT_C = 70.0
 SILENT_NS = 10 * NS_PER_S
-"""A DAP beats once a second: one that is not heard for so long is dead, or out of reach."""
+"""A DAP beats twice a second: one that is not heard for so long is dead, or out of reach."""
 
 
 def box_words(state: DapState | None, silent_ns: int) -> Iterator[str]:

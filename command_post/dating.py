@@ -11,7 +11,7 @@ from shared.seal import Seal
 from shared.topics import Key
 
 PATIENCE_NS = 1_200_000_000
-"""A node beats every second, and knows how far its clock is off by its second beat."""
+"""A node beats every half second, and knows how far its clock is off by its second beat."""
 
 MOST_WAITING = 1000
 """Of one node; what comes beyond is dated as well as it can be."""

@@ -23,7 +23,7 @@ WINDOW_NS = 10 * NS_PER_S
 """Rates and losses are of the last one to two of these."""
 
 SILENT_S = 5.0
-"""A node beats once a second: silence for longer is worth a word."""
+"""A node beats twice a second: silence for longer is worth a word."""
 
 LOSS_TOLD = 0.05
 FEWEST_COUNTED = 8

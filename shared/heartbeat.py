@@ -1,4 +1,4 @@
-"""A node tells once a second what its journal holds, answers for it, and heeds receipts.
+"""A node tells twice a second what its journal holds, answers for it, and heeds receipts.
 
 And as soon as it has a link again: it is heard at once, and what it said meanwhile is asked for.
 """
@@ -20,7 +20,8 @@ from shared.refill import reply_to
 from shared.sender import Sender
 from shared.topics import Key, Role, journal_key
 
-PERIOD_S = 1.0
+PERIOD_S = 0.5
+"""Between two beats a way round is found: with one a second, a responder was silent for three."""
 MOST_RECEIPTS = 64
 """Receipts that wait to be read: each tells all that those before it told."""
 

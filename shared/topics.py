@@ -99,7 +99,7 @@ TOPICS: dict[str, Topic] = {
         Topic("stations", StationTable, ("post",), 0.0, "data", True, False),
         Topic("track", TrackEstimate, ("post",), 10.0, "data", True, False),
         Topic("dap_place", DapEstimate, ("post",), 0.0, "data", True, False),
-        Topic("beat", Beat, ("responder", "dap", "post"), 1.0, "high", True, False),
+        Topic("beat", Beat, ("responder", "dap", "post"), 2.0, "high", True, False),
         Topic("receipt", Receipt, ("post",), 0.5, "low", False, False),
         Topic("order", Order, ("post",), 0.0, "high", True, True),
         Topic("order_request", OrderRequest, ("post",), 0.0, "high", True, False),

@@ -12,7 +12,7 @@ from shared.messages import Alert, NodeId, Order, OrderAnswer, OrderReply, Order
 from shared.units import NS_PER_S
 
 GAP_S = 5.0
-"""Somebody beats every second: for so long nothing comes only if there is nobody, or no record."""
+"""Somebody beats twice a second: so long nothing comes only if nobody is there, or no record."""
 
 
 class Step(msgspec.Struct, frozen=True):

@@ -140,7 +140,7 @@ def test_who_is_late_within_what_is_allowed_leaves_no_trace(
         for at in chance.permutation(len(late)).tolist():
             handled_ns = rest[-1].message.event_time_ns + NS_PER_S // 50
             other.handle(key_of(late[at]), encode(late[at].message), handled_ns)
-        closing = said[len(in_time) :][:160]
+        closing = said[len(in_time) :][:320]
         told(one, closing)
         made = [len(made_of(other, each, monkeypatch)) for each in closing]
         # Of a team one commit is due by itself at times, and of a crowd one of each crew.

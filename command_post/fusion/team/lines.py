@@ -68,8 +68,10 @@ class Lines:
 
         Say whether these are the live ones from now on.
         """
+        made_ns = self.live.made_until_ns
         self.live.catch_up(until_ns)
-        return self._go_on(until_ns, TICK_WORK)
+        # Both at one tick would be a long wait.
+        return self.live.made_until_ns == made_ns and self._go_on(until_ns, TICK_WORK)
 
     def settle(self, until_ns: int) -> None:
         """Make all that is to be made anew."""
