@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
-from pathlib import Path
 from threading import Event
 from typing import Annotated
 
@@ -12,24 +11,21 @@ import structlog
 from cyclopts import Parameter, validators
 
 from dap_node.box import SWITCHED_OFF, BoxDesk
+from dap_node.commands.dap_options import DapItself, Hearing, roles_of
 from dap_node.kept_standing import KeptStanding
 from dap_node.node import DapNode
-from dap_node.scanners.accelerometer import IioAccelerometer
 from dap_node.scanners.live import live_observations
-from dap_node.scanners.observation import Motion, Observation, SetDown
-from dap_node.scanners.opening import PLAYED, Playable, open_played
+from dap_node.scanners.observation import Observation, SetDown
+from dap_node.scanners.opening import Playable
 from dap_node.self_installation import SelfInstallation
-from dap_node.settings import DapSettings
 from shared.bus.interface import Bus
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import Clock, PacedClock, SystemClock
-from shared.config import load_toml
 from shared.exercise import await_exercise
 from shared.files import FileHeldError
 from shared.gate import Gate
 from shared.introductions import Introductions
-from shared.journal_place import JournalFile, journal_path
 from shared.kept_stations import KeptStations
 from shared.messages import NodeId
 from shared.node import Node
@@ -42,15 +38,8 @@ from shared.process import (
     stop_with_parent,
     wait_until,
 )
-from shared.radios.live import SCAN_RATE_HZ, LiveSource
-from shared.radios.opening import open_radios
-from shared.radios.readings import RadioScan
-from shared.security.bundle import Bundle
-from shared.security.certificates import Identity
-from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
-from shared.stations import read_stations
 from shared.strangers import NOBODY, AtLinks
-from shared.topics import Key, Role, alive_key, check_id
+from shared.topics import Key, alive_key
 
 POLL_S = 0.1
 
@@ -59,22 +48,9 @@ _log = structlog.stdlib.get_logger(__name__)
 
 def run(
     *,
-    dap_id: Annotated[str, Parameter(name="--id")],
-    source: Annotated[tuple[str, ...], Parameter(consume_multiple=False)],
-    scan_rate: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=50.0))] = (
-        SCAN_RATE_HZ
-    ),
-    stations: Path | None = None,
-    incident: str = "incident",
-    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
-    listen: str | None = None,
-    keys: Keys = None,
-    insecure: Insecure = False,
-    config: Path | None = None,
-    seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
+    itself: DapItself,
+    hearing: Hearing,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
-    journal: JournalFile = None,
-    accelerometer: str | None = None,
     by_itself: bool = True,
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
@@ -88,37 +64,12 @@ def run(
 
     Parameters
     ----------
-    dap_id
-        Name of the DAP.
-    source
-        Where signal strengths come from: nl80211:INTERFACE, hostapd:SOCKET, ble:ADAPTER (of
-        these as many as there are, one an option), recorded:FILE or simulated:SCENARIO.
-    scan_rate
-        How many times a second a Wi-Fi radio is asked.
-    stations
-        Whose radio is whose, in TOML or CSV, until a post tells; by default what one told last.
-    incident
-        Name of the incident.
-    connect
-        Posts and DAPs to dial, one an option; the links to all are kept up. By default port 7447
-        of this machine.
-    listen
-        Where agents and other DAPs find this one; by default a free port of this machine.
-    keys
-        Folder of this DAP's keys: 'command-post keys issue' makes it.
-    insecure
-        Do without keys, on one machine: nothing is encrypted or authenticated.
-    config
-        TOML file with offset_db, [proximity] and [peaks] for another radio than the usual.
-    seed
-        Of a simulated source.
+    itself
+        Who the DAP is.
+    hearing
+        What it hears by.
     speed
         How many times as fast as real, of a source that is played.
-    journal
-        File that keeps what is said until the post has it; by default one of this DAP's in the
-        incident, among what programs keep for the user.
-    accelerometer
-        The box's own, iio:NUMBER of Linux: it tells when the DAP is set down, and taken up.
     by_itself
         Of radios: notice that it was set down. SIGUSR1, what a button on the box is to send, says
         so as well: by who is heard loudest.
@@ -129,23 +80,15 @@ def run(
 
     """
     try:
-        check_id(incident, "--incident")
-        check_id(dap_id, "--id")
-        bundle = open_keys(keys, Identity("dap", dap_id), insecure=insecure)
-        settings = load_toml(config, DapSettings) if config else DapSettings()
-        opened = _open_source(source, dap_id, seed, scan_rate)
-        if accelerometer is not None and not isinstance(opened, Playable):
-            opened.append(IioAccelerometer(accelerometer))
-        listed = None if stations is None else read_stations(stations)
-        dialled = connect or (local_endpoint(bundle),)
-        listened = [listen or local_endpoint(bundle, port=0)]
-        kept = journal_path(journal, incident, "dap", dap_id)
+        incident, dap_id, bundle = itself.incident, itself.dap_id, itself.open_keys()
+        settings, opened, kept = hearing.settings(), hearing.opened(dap_id), itself.journal_file
+        listed = hearing.station_table()
         with (
             stop_on_signals() as stop,
             set_by_button() as button,
             JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
             nullcontext() if bundle is None else RefusedLinks() as links,
-            open_zenoh("router", dialled, listened, bundle) as bus,
+            open_zenoh("router", itself.dialled(bundle), itself.endpoints(bundle), bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,
         ):
             if with_parent:
@@ -166,7 +109,7 @@ def run(
                     keep_place=place.keep if is_live else lambda _: None,
                     watch=SelfInstallation(notices=by_itself) if is_live else None,
                     at_links=NOBODY if links is None else AtLinks(links.counts, links.breaches),
-                    role_of=_roles(bundle),
+                    role_of=roles_of(bundle),
                 )  # fmt: skip
                 said = place.load() if is_live else _said_before(node)
                 if said is not None:
@@ -180,22 +123,6 @@ def run(
         _log.error(str(error))
         return ExitCode.FAILURE if isinstance(error, OSError) else ExitCode.USAGE
     return ExitCode.OK
-
-
-def _open_source(
-    names: Sequence[str], dap_id: NodeId, seed: int, rate_hz: float
-) -> Playable | list[LiveSource[RadioScan | Motion]]:
-    """Return what ``--source`` names; ``ValueError`` if it cannot be used."""
-    played = open_played(names[0], dap_id, seed) if len(names) == 1 else None
-    return played or [*open_radios(names, "--source", PLAYED, rate_hz)]
-
-
-def _roles(bundle: Bundle | None) -> Callable[[str], Role]:
-    """Return who tells a named node's role; of whom nobody has heard it is a responder's."""
-    roles: dict[str, Role] = {}
-    if bundle is not None:
-        roles = {each.id: each.role for each in bundle.nodes.nodes}
-    return lambda node_id: roles.get(node_id, "responder")
 
 
 def follow_live(node: Node, dap: DapNode, observations: Iterable[Observation]) -> None:
