@@ -14,14 +14,13 @@ import structlog
 from cyclopts import Parameter, validators
 
 from edge_agent.agent import Agent
-from edge_agent.commands.prepare import StepScale, Wheelbase, prepared_mount
+from edge_agent.commands.prepare import prepared_mount
+from edge_agent.commands.unit_options import Beginning, Devices, UnitItself, Worn
 from edge_agent.drop_desk import DropDesk, tell_wearer_to_set_down
 from edge_agent.mayday import MaydayCall
 from edge_agent.mayday_controls import Control, InputButton, UnitSocket, socket_path
 from edge_agent.mayday_desk import MaydayDesk
 from edge_agent.mounts.interface import Faults
-from edge_agent.mounts.methods import MethodName, MountName, Told, default_method
-from edge_agent.mounts.vehicle import WHEELBASE_M
 from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
 from edge_agent.radio_desk import RadioDesk
@@ -32,14 +31,13 @@ from edge_agent.supply_gauge import SupplyGauge
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import Clock, PacedClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
-from shared.config import ConfigError, checked
+from shared.config import ConfigError
 from shared.exercise import await_exercise
 from shared.files import FileHeldError
 from shared.gate import Gate
 from shared.introductions import Introductions
-from shared.journal_place import JournalFile, journal_path
 from shared.kept_stations import KeptStations
-from shared.messages import LocalPosition, Mayday, NodeId, TrackStart
+from shared.messages import Mayday, NodeId, TrackStart
 from shared.node import Node
 from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
@@ -52,10 +50,8 @@ from shared.process import (
     wait_until,
 )
 from shared.radios.opening import open_radios
-from shared.security.certificates import Identity
-from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
 from shared.sender import Sender
-from shared.topics import alive_key, check_id, finished_key
+from shared.topics import alive_key, finished_key
 
 LINGER_POLL_S = 0.2
 MOST_LINGER_S = 10.0
@@ -71,31 +67,14 @@ _log = structlog.stdlib.get_logger(__name__)
 
 def run(
     *,
-    responder_id: Annotated[str, Parameter(name="--id")],
+    itself: UnitItself,
     source: str,
-    incident: str = "incident",
-    mount: MountName = "boot",
-    method: MethodName | None = None,
-    connect: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
-    keys: Keys = None,
-    insecure: Insecure = False,
-    start: tuple[float, float, float] | None = None,
-    stands_at: str | None = None,
-    stands_at_sd: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e3))] = 1.0,
+    worn: Worn = Worn(),  # noqa: B008 - it is frozen
+    beginning: Beginning = Beginning(),  # noqa: B008 - it is frozen
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
-    driven_speed: Annotated[float | None, Parameter(validator=validators.Number(lte=75.0))] = None,
-    wheelbase: Wheelbase = WHEELBASE_M,
-    step_scale: StepScale = 1.0,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
-    dominant_direction: Annotated[bool, Parameter(negative="")] = False,
-    daps: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=1000))] = 0,
     imu: bool = True,
-    radio: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
-    radio_offset: Annotated[float, Parameter(validator=validators.Number(gte=-60, lte=60))] = 0.0,
-    button: Path | None = None,
-    supplies: Path | None = None,
-    journal: JournalFile = None,
-    post_id: Annotated[str, Parameter(name="--post")] = "post",
+    has: Devices = Devices(),  # noqa: B008 - it is frozen
     await_start: bool = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
@@ -107,65 +86,24 @@ def run(
 
     Parameters
     ----------
-    responder_id
-        Name of the responder.
+    itself
+        Whose unit it is.
     source
         csv:FILE (a vendor's export), npz:FILE, phone:EXPORT (a folder or .zip of the phone app
         'Sensor Logger'), phone-live:HOST:PORT (a phone that sends what it reads, by a page or that
         app), mcap:FILE[#responder] or simulated:SCENARIO.
-    incident
-        Name of the incident.
-    mount
-        How the sensor is worn: on a boot, at the chest or in the hand, on the belt, in a vehicle.
-    method
-        How it is read: eskf or linear for a boot, robust or published for the others. The first
-        is the default.
-    connect
-        DAPs and posts to dial, one an option; the first that answers is kept to. By default
-        port 7447 of this machine.
-    keys
-        Folder of this responder's keys: 'command-post keys issue' makes it.
-    insecure
-        Do without keys, on one machine: nothing is encrypted or authenticated.
-    start
-        Where the wearer stands at first: metres north, east and down of the incident's origin.
-    stands_at
-        A known point where the wearer reports to stand at first: NORTH,EAST or NORTH,EAST,DOWN.
-    stands_at_sd
-        How near it, in metres (standard deviation in each direction).
+    worn
+        How the sensor is worn.
+    beginning
+        Where the wearer stands at first.
     speed
         How many times as fast as it was recorded.
-    driven_speed
-        How fast the vehicle goes at the first sample (m/s), where that is known: by the satellites
-        in front of the car park, for one. A start from rest is seen; any other speed is sought.
-    wheelbase
-        Metres between the vehicle's axles: an engine has 3.5 to 5.
-    step_scale
-        How long the steps of who wears a chest's or a waist's sensor are, in those of nobody in
-        particular: 'edge-agent pace' tells it.
     seed
         Of a simulated source.
-    dominant_direction
-        Hold the heading to where the building's corridors lead, which is learnt on the way.
-    daps
-        How many DAPs the wearer carries in: they are told when to set the next one down.
     imu
         Publish the raw samples as well, for the record.
-    radio
-        The unit's own radio, that hears DAPs and other units: wpa:SOCKET, nl80211:INTERFACE or
-        ble:ADAPTER, as many as there are, one an option. Posts tell whose radios are whose.
-    radio_offset
-        Decibels added to what it hears, which bring a DAP at a clear metre to -40 dBm.
-    button
-        The mayday button: an input device of Linux, as /dev/input/event3. Held for a second it
-        calls, held for three it takes the call back. 'edge-agent mayday' does without one.
-    supplies
-        JSON file that tells what is left, besides this machine's own battery (docs/alarms.md).
-    journal
-        File that keeps what is said until the post has it; by default one of this responder's in
-        the incident, among what programs keep for the user.
-    post_id
-        Whose orders are heeded. They are told on standard output; SIGUSR1 acknowledges them.
+    has
+        What else the wearer has.
     await_start
         Begin with the exercise, at its speed, and stay until stopped.
     with_parent
@@ -173,25 +111,22 @@ def run(
 
     """
     try:
-        check_id(incident, "--incident")
-        check_id(responder_id, "--id")
-        bundle = open_keys(keys, Identity("responder", responder_id), insecure=insecure)
+        incident, responder_id, bundle = itself.incident, itself.responder_id, itself.open_keys()
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
             follower = prepared_mount(
-                mount, method, told=Told(dominant_direction, wheelbase, step_scale),
-                driven_speed_m_s=driven_speed,
-            )  # fmt: skip
-        opened = open_source(source, responder_id, seed, mount, bundle, hears_daps=daps > 0)
-        known_point = None if stands_at is None else _known_point(stands_at, stands_at_sd)
-        radios = open_radios(radio, "--radio")
-        dialled = connect or (local_endpoint(bundle),)
-        kept = journal_path(journal, incident, "responder", responder_id)
+                worn.mount, worn.method, told=worn.told, driven_speed_m_s=worn.driven_speed
+            )
+        opened = open_source(
+            source, responder_id, seed, worn.mount, bundle, hears_daps=has.daps > 0
+        )
+        known_point, place = beginning.known_point, beginning.place or opened.start
+        radios, kept = open_radios(has.radio, "--radio"), itself.journal_file
         with (
             stop_on_signals() as stop,
             set_by_button() as acknowledged,
             JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
-            open_zenoh("client", connect=dialled, bundle=bundle) as bus,
+            open_zenoh("client", connect=itself.dialled(bundle), bundle=bundle) as bus,
             Introductions(bus, incident, bundle) as introductions,
         ):
             if with_parent:
@@ -201,10 +136,9 @@ def run(
                 PacedClock(SystemClock()), SystemClock().now_ns(), stop,
             )  # fmt: skip
             sender = node.sender()
-            place = _place(start) or opened.start
-            drop_desk = _drop_desk(sender, daps)
+            drop_desk = _drop_desk(sender, has.daps)
             agent = Agent(
-                sender, follower, method or default_method(mount), place, worn=mount,
+                sender, follower, worn.chosen_method, place, worn=worn.mount,
                 sends_imu=imu, stands_at=known_point, keeps=lambda: outbox.fault is None,
                 drop_desk=drop_desk,
             )  # fmt: skip
@@ -214,10 +148,10 @@ def run(
             bus.answer(sender.key(TrackStart), lambda _: agent.start_payload)
             with (
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
-                node.heartbeat(node_time.statement, SupplyGauge(supplies)),
-                _order_desk(node, check_id(post_id, "--post"), acknowledged, node_time),
-                _mayday_desk(node, post_id, kept, button, opened.controls),
-                RadioDesk(node, radios, KeptStations(kept), radio_offset, drop_desk),
+                node.heartbeat(node_time.statement, SupplyGauge(has.supplies)),
+                _order_desk(node, itself.post_id, acknowledged, node_time),
+                _mayday_desk(node, itself.post_id, kept, has.button, opened.controls),
+                RadioDesk(node, radios, KeptStations(kept), has.radio_offset, drop_desk),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
                 if await_start:
@@ -334,28 +268,3 @@ def _follow(agent: Agent, readings: Iterator[Reading], clock: Clock, stop: Event
         agent.take(reading)
     agent.finish()
     return True
-
-
-def _place(start: tuple[float, float, float] | None) -> LocalPosition | None:
-    if start is None:
-        return None
-    north_m, east_m, down_m = start
-    return checked(
-        LocalPosition(north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=(1.0, 0.0, 1.0))
-    )
-
-
-def _known_point(text: str, sd_m: float) -> LocalPosition:
-    """Return the point that ``--stands-at`` gives; ``ValueError`` if it gives none."""
-    try:
-        north_m, east_m, down_m = (*map(float, text.split(",")), 0.0)[:3]
-        if text.count(",") > 2:
-            raise ValueError
-    except ValueError:
-        raise ValueError(
-            f"--stands-at {text!r}: write metres as NORTH,EAST or NORTH,EAST,DOWN"
-        ) from None
-    covariance_m2 = (sd_m**2, 0.0, sd_m**2)
-    return checked(
-        LocalPosition(north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=covariance_m2)
-    )

@@ -12,6 +12,7 @@ from structlog.testing import capture_logs
 import edge_agent
 from edge_agent.__main__ import COMMANDS
 from edge_agent.commands import follow, prepare
+from edge_agent.commands.unit_options import UnitItself
 from edge_agent.mounts.boot import BootMount
 from edge_agent.mounts.interface import Mount
 from edge_agent.mounts.methods import make_mount
@@ -46,7 +47,8 @@ def test_a_source_is_opened_when_the_method_is_ready(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(follow, "prepared_mount", ready)
     monkeypatch.setattr(follow, "open_source", opened)
-    assert follow.run(responder_id="r1", source="csv:walk.csv", insecure=True) == ExitCode.USAGE
+    itself = UnitItself("r1", insecure=True)
+    assert follow.run(itself=itself, source="csv:walk.csv") == ExitCode.USAGE
     assert done == ["boot None", "csv:walk.csv"]
 
 
