@@ -34,13 +34,17 @@ class Drive(NamedTuple):
 
 
 def drive(speed: Profile, yaw: Profile = ((0.0, 0.0), (1.0, 0.0)), seed: int = 0) -> Drive:
-    """Return a drive of ``speed`` and ``yaw`` rate, by (time, value) knots joined smoothly."""
+    """Return a drive of ``speed`` and ``yaw`` rate, by (time, value) knots joined smoothly.
+
+    Below 0 it reverses.
+    """
     chance = np.random.default_rng(seed)
     time_s = np.arange(0.0, speed[-1][0], 1.0 / FINE_HZ)
-    speed_m_s = np.maximum(_joined(speed, time_s), 0.0)
+    speed_m_s = _joined(speed, time_s)
     yaw_rad_s = _joined(yaw, time_s)
     heading_rad = np.cumsum(yaw_rad_s) / FINE_HZ
     way_m = np.cumsum(speed_m_s) / FINE_HZ
+    way_m -= min(0.0, float(way_m.min()))
     heave_m_s2, pitch_rad, roll_rad = _body(way_m, chance)
     roll_rad = roll_rad + 0.003 * speed_m_s * yaw_rad_s
     pitch_acceleration = _slope(_slope(pitch_rad))

@@ -142,6 +142,13 @@ class VehicleFilter:
         self._unpredicted_s += duration_s
         return 0.5 * (before_m_s + self.speed_m_s) * duration_s
 
+    def turn_round(self) -> None:
+        """Take what was ahead to be behind: the vehicle goes as it did, but forward."""
+        self.heading_rad += math.pi
+        self.speed_m_s = -self.speed_m_s
+        self.covariance[SPEED, :] *= -1.0
+        self.covariance[:, SPEED] *= -1.0
+
     def predict(self, lateral_m_s2: float) -> None:
         """Carry the covariance on over all that went since the last time.
 

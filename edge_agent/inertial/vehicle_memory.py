@@ -71,6 +71,19 @@ class Memory:
         """When the sensor last slipped, as far as is remembered."""
         return max((one.time_s for one in self.moments if one.slips), default=-math.inf)
 
+    def turn_round(self) -> None:
+        """Take what was ahead to be behind."""
+        self.moments = [
+            one._replace(
+                travelled_m=-one.travelled_m,
+                roll_rad_s=-one.roll_rad_s,
+                pitch_rad_s=-one.pitch_rad_s,
+                forward_m_s2=-one.forward_m_s2,
+                right_m_s2=-one.right_m_s2,
+            )
+            for one in self.moments
+        ]
+
     def mend(self, error_m_s: float, ratio_per_s: float) -> None:
         """Correct the way by the error of speed at its end, which grew by ``ratio_per_s`` of it."""
         now_s = self.moments[-1].time_s

@@ -32,6 +32,9 @@ DOUBTED_STANDING_SDS, DOUBTED_STANDING_M_S = 3.0, 1.5
 
 CLEARLY_GOING_M_S = 3.0
 
+REVERSING_M_S = 4.0
+"""Nobody reverses faster: who seems to do so was reversing when forward was found."""
+
 UNTURNED_S = 1.5
 """So long after a slip turns are the vehicle's: a hand ends turning more slowly than is seen."""
 
@@ -70,6 +73,8 @@ class Second(NamedTuple):
     speed_sd_m_s: float
     forward_sd_rad: float
     stood: bool
+    turned_round: bool
+    """Whether what had been taken for forward is found to be backward, and the heading so told."""
 
     @property
     def lasted_s(self) -> float:
@@ -161,6 +166,9 @@ class VehicleTracker:
         stood = self.corrects and self._correct(begin_s)
         # What was wrong at the end of the second was so all along it.
         further_m = lasted_s * (self.filter.speed_m_s - before_m_s)
+        turned_round = self.corrects and self._is_backward()
+        if turned_round:
+            self._turn_round()
         told = Second(
             begin_s,
             self.time_s,
@@ -170,10 +178,23 @@ class VehicleTracker:
             self.filter.speed_sd_m_s,
             self.filter.forward_sd_rad,
             stood,
+            turned_round,
         )
         self._north_m = self._east_m = 0.0
         self._second = []
         return told
+
+    def _is_backward(self) -> bool:
+        return self.filter.speed_m_s < -REVERSING_M_S - self.filter.speed_sd_m_s
+
+    def _turn_round(self) -> None:
+        """Take what was ahead to be behind."""
+        self.filter.turn_round()
+        self.memory.turn_round()
+        self._travelled_m = -self._travelled_m
+        self._held = self._held._replace(forward_m_s2=-self._held.forward_m_s2)
+        forward_m_s2, right_m_s2 = self._pushed_m_s2
+        self._pushed_m_s2 = (-forward_m_s2, -right_m_s2)
 
     def _turn(self, rate_rad_s: Vector3, lasted_s: float) -> None:
         before = self.filter.level_from_sensor

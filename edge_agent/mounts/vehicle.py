@@ -211,7 +211,7 @@ class VehicleMount:
 
     def _tell(self, second: Second) -> None:
         heading_rad = wrap_rad(self._frame_rad + second.heading_rad)
-        turned_rad = wrap_rad(heading_rad - self._heading_rad)
+        turned_rad = wrap_rad(heading_rad - self._heading_rad - math.pi * second.turned_round)
         found_rad2 = second.forward_sd_rad**2 - self._forward_sd_rad**2
         c, s = math.cos(self._frame_rad), math.sin(self._frame_rad)
         drive = Drive(

@@ -106,6 +106,18 @@ def test_a_hand_that_turns_the_phone_slowly_turns_no_vehicle() -> None:
     assert np.abs(speed_errors_m_s(told, truth)).max() < 1.5
 
 
+def test_who_reverses_out_first_goes_forward_in_the_end() -> None:
+    truth = drive(((0, 0), (5, 0), (8, -2.0), (12, -2.0), (14, 0), (16, 0), (20, 6), (28, 9)))
+    mount = VehicleMount()
+    told = mount.steps(truth.recording) + mount.finish()
+    assert mount.speed_m_s == pytest.approx(truth.speed_m_s[-1], abs=2.0)
+    ways_m = np.array([one.displacement_m[:2] for one in told])
+    assert ways_m[1] @ ways_m[-1] < 0.0, "it went the other way at first"
+    heading_rad = told[-1].heading_rad
+    assert ways_m[-1] @ [math.cos(heading_rad), math.sin(heading_rad)] > 5.0
+    assert abs(sum(one.d_heading_rad for one in told)) < 0.5, "nor did it turn about"
+
+
 def test_satellites_tell_a_speed_that_the_road_does_not() -> None:
     truth = drive(((0.0, 30.0), (8.0, 31.0)))
     mount, told = VehicleMount(), []
