@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import hypot, pi, sqrt
-from statistics import median
 from typing import Annotated, NamedTuple, TypeAlias
 
 import msgspec
@@ -77,6 +76,9 @@ def calibrate(
     beside = [dbm for time_ns, dbm in rssi_dbm.items() if from_ns <= time_ns <= to_ns]
     if len(beside) < settings.least_samples:
         return None
+    # Of use once, when a box is set down, and to those alone that learn: it is large.
+    from statistics import median  # noqa: PLC0415
+
     level_dbm = median(beside)
     deviation_db = median(abs(dbm - level_dbm) for dbm in beside)
     sigma_db = max(LEAST_SIGMA_DB, DEVIATION_TO_SIGMA * deviation_db)

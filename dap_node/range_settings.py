@@ -29,8 +29,8 @@ class RangeSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     """
 
     near_m: Annotated[float, Meta(ge=0.3, le=20.0)] = 2.5
-    enter_log_odds: LogOdds = -1.0
-    leave_log_odds: LogOdds = -2.0
+    enter_log_odds: LogOdds = -1.5
+    leave_log_odds: LogOdds = -2.5
     steady_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 2.0
     exponent: Annotated[float, Meta(ge=1.0, le=6.0)] = 2.2
     spread_db: Decibel = 6.0

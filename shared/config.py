@@ -12,7 +12,6 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -136,6 +135,9 @@ def _options(expected: inspect.Type) -> tuple[inspect.Type, ...]:
 
 
 def _advice(key: str, allowed: Mapping[str, inspect.Type]) -> str:
+    # A node at work whose settings are right has no room for it.
+    from difflib import get_close_matches  # noqa: PLC0415
+
     close = get_close_matches(key, allowed, n=1)
     return f"did you mean {close[0]!r}?" if close else f"remove it, or use {', '.join(allowed)}"
 
