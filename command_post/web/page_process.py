@@ -142,9 +142,12 @@ class PageProcess:
     def run(self) -> None:
         """Have a page, and tell it what there is, until ``stop``."""
         while not self._stop.is_set():
-            code = self._serve_once()
+            try:
+                how = f"exit code {self._serve_once()}"
+            except OSError as error:
+                how = str(error)
             if not self._stop.is_set():
-                _log.error("the page has ended and is started again", exit_code=code)
+                _log.error("the page has ended and is started again", how=how)
                 self._stop.wait(AGAIN_S)
 
     def stop(self) -> None:
@@ -158,7 +161,10 @@ class PageProcess:
             process.kill()
 
     def _serve_once(self) -> int:
-        """Start a page, tell it what there is while it is there, and return its exit code."""
+        """Start a page, tell it what there is while it is there, and return its exit code.
+
+        Raises ``OSError`` where no process can be started.
+        """
         ours, theirs = socket.socketpair()
         with ours:
             with theirs:

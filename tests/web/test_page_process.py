@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import signal
@@ -126,6 +127,22 @@ def test_the_page_is_told_and_heard_and_comes_again(
     assert last is not None
     assert not is_there(last)
     assert "is started again" in capsys.readouterr().out
+
+
+def test_a_page_that_cannot_be_started_is_tried_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tries: list[object] = []
+
+    def refused(*_: object, **__: object) -> None:
+        tries.append(None)
+        raise OSError(errno.EAGAIN, "no more processes")
+
+    monkeypatch.setattr(page_process, "AGAIN_S", 0.0)
+    monkeypatch.setattr(subprocess, "Popen", refused)
+    with shown():
+        wait_for(lambda: len(tries) > 1, "another try")
+    assert "no more processes" in capsys.readouterr().out
 
 
 def test_a_page_that_is_stuck_holds_up_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
