@@ -3,7 +3,7 @@
 Everything can be made again from the recording; that takes as long as it took to make it. So the
 incident as it is at some place of the recording is kept beside it, and only what follows is handled
 again. It is a convenience: what is damaged, of other software or of another recording is passed
-over, and all is handled again.
+over for the one kept before it, and if that is of no use either all is handled again.
 """
 
 from __future__ import annotations
@@ -41,6 +41,12 @@ MOST_HALT_S = 1.0
 
 TAIL_BYTES = 1 << 16
 """What stands before its place in a recording shows that it is of that recording."""
+
+ASIDE = frozenset({
+    "commands", "doctor", "evaluation", "exports", "gateways", "proof", "review", "simulation",
+    "web",
+})  # fmt: skip
+"""Packages that nothing of a state is of, nor made by: a page may change, the state still fits."""
 
 _OWN = frozenset({"command_post", "shared"})
 _OTHERS = frozenset({"collections", "msgspec", "copyreg"})
@@ -132,6 +138,8 @@ class Checkpoints:
             digest = _sha256(compressed)
             part = self._recorder.part_number
             file = _File(self._software, part, position_bytes, tail, digest, compressed)
+            if self._path.exists():
+                self._path.replace(before_path(self._path))
             with replace_atomically(self._path) as stream:
                 os.fchmod(stream.fileno(), 0o600)
                 stream.write(msgspec.msgpack.encode(file))
@@ -146,18 +154,27 @@ def checkpoint_path(recording: Path) -> Path:
     return recording.with_name(f"{recording.name}.checkpoint")
 
 
+def before_path(path: Path) -> Path:
+    """Return where the state is that was kept before the one at ``path``."""
+    return path.with_name(f"{path.name}.before")
+
+
 def load(path: Path, recording: Path, settings: IncidentSettings) -> Kept | None:
-    """Return what is kept at ``path`` of the unfinished ``recording``.
+    """Return what is kept at ``path`` of the unfinished ``recording``, or was kept before that.
 
     It is ``None``, and told, if that is of no use. Only what this user has written is looked at.
     """
+    return _found(path, recording, settings) or _found(before_path(path), recording, settings)
+
+
+def _found(path: Path, recording: Path, settings: IncidentSettings) -> Kept | None:
     try:
         kept = _loaded(path, recording)
     except FileNotFoundError:
         return None
     except Exception as error:
         # Whatever is wrong with it, it can be done without.
-        _log.warning("the state kept of the incident is of no use", why=str(error))
+        _log.warning("the state kept of the incident is of no use", file=path.name, why=str(error))
         return None
     return kept if kept.state.incident.settings == settings else None
 
@@ -197,11 +214,13 @@ class _Unpickler(pickle.Unpickler):
 
 @cache
 def software() -> str:
-    """Return what tells this software from any other: a digest of its source."""
+    """Return what tells this software from any other: a digest of what makes a state."""
     digest = hashlib.sha256()
     for package in (command_post, shared):
-        for path in sorted(Path(package.__path__[0]).rglob("*.py")):
-            digest.update(path.read_bytes())
+        folder = Path(package.__path__[0])
+        for path in sorted(folder.rglob("*.py")):
+            if path.relative_to(folder).parts[0] not in ASIDE:
+                digest.update(path.read_bytes())
     return digest.hexdigest()
 
 

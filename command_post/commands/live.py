@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.live import Live
 
-from command_post.checkpoint import Checkpoints, checkpoint_path, load
+from command_post.checkpoint import Checkpoints, before_path, checkpoint_path, load
 from command_post.commands.doors import Doors
 from command_post.commands.post_options import Fusing, PostItself, Record, WhoIsWho
 from command_post.commands.prepare import make_ready
@@ -136,7 +136,8 @@ def run(
                     with ended_by_signals():
                         post.take_up(read_recording(part), kept)
                     mirror.recall(begun.standing)
-                return _serve(post, recorder, stop, (state, keeping.noted_clock))
+                kept_files = (state, before_path(state), keeping.noted_clock)
+                return _serve(post, recorder, stop, kept_files)
     except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE

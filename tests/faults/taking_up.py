@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import structs
 
-from command_post.checkpoint import Checkpoints, State, checkpoint_path
+from command_post.checkpoint import Checkpoints, State, before_path, checkpoint_path
 from command_post.fusion.methods import prepare_fusion
 from command_post.incident import Incident, IncidentSettings
 from command_post.recording import RecordedIncident, Recorder
@@ -220,12 +220,13 @@ def taken_up(folder: Path, responders: int, minutes: float, *, unfit: bool) -> B
         wait_for(lambda: len(site.fresh_s) == responders, "everybody's estimates", PATIENCE_S)
         kept = checkpoint_path(site.recording)
         every_s = _until_about_to_be_kept(kept)
-        age_s = time.time() - kept.stat().st_mtime
+        age_s = time.time() - _kept_at_s(kept)
         site.kill()
         part = site.recording.with_name(f"{site.recording.name}.part")
         recorded_mb, kept_mb = (each.stat().st_size / 1e6 for each in (part, kept))
         if unfit:
-            kept.unlink()
+            for each in (kept, before_path(kept)):
+                each.unlink(missing_ok=True)
         recorded_minutes = (time.time_ns() - begin_ns) / NS_PER_S / 60.0
         site.start()
         wait_for(lambda: len(site.fresh_s) == responders, "everybody's estimates", PATIENCE_S)
@@ -241,14 +242,21 @@ def taken_up(folder: Path, responders: int, minutes: float, *, unfit: bool) -> B
     return back
 
 
+def _kept_at_s(kept: Path) -> float:
+    """Return when the state was kept last; amid being kept it is the one before."""
+    with suppress(FileNotFoundError):
+        return kept.stat().st_mtime
+    return before_path(kept).stat().st_mtime
+
+
 def _until_about_to_be_kept(kept: Path) -> float:
     """Wait until just before the state is kept again; return how often it is."""
-    times_s = [kept.stat().st_mtime]
+    times_s = [_kept_at_s(kept)]
     while len(times_s) < 3:
         began_s = time.monotonic()
-        while kept.stat().st_mtime == times_s[-1] and time.monotonic() < began_s + MOST_BETWEEN_S:
+        while _kept_at_s(kept) == times_s[-1] and time.monotonic() < began_s + MOST_BETWEEN_S:
             let_last(0.05)
-        times_s.append(kept.stat().st_mtime)
+        times_s.append(_kept_at_s(kept))
     every_s = times_s[-1] - times_s[-2]
     let_last(0.9 * min(every_s, MOST_BETWEEN_S))
     return every_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import pickle
 from collections.abc import Iterator
 from functools import partial
@@ -11,6 +12,7 @@ import msgspec
 import pytest
 import zstandard
 
+import command_post
 from command_post import checkpoint
 from command_post.announcer import Outgoing
 from command_post.checkpoint import Checkpoints, Kept, State, checkpoint_path, load
@@ -211,6 +213,38 @@ def test_one_that_does_not_fit_is_passed_over(
     changed(world.kept_at, **changes)
     assert world.loaded() is None
     assert why in capsys.readouterr().out
+
+
+def test_where_the_last_is_damaged_the_one_before_it_serves(world: World) -> None:
+    world.hear(20)
+    world.keep()
+    world.hear(20)
+    world.checkpoints.keep(State(world.incident, world.gate.remembered(), None, 8))
+    wait_for(lambda: (kept := world.loaded()) and kept.state.last_ns == 8, "the second state")
+    for damaged in (b"", b"\xff" * 1000):
+        world.kept_at.write_bytes(damaged)
+        kept = world.loaded()
+        assert kept is not None
+        assert kept.state.last_ns == 7
+
+
+def test_no_state_is_made_by_what_may_change_aside() -> None:
+    """What an incident imports, and all that that imports."""
+    found, todo = set[str](), ["command_post.incident", "shared.gate", "shared.bus.interface"]
+    folder = Path(command_post.__path__[0]).parent
+    while todo:
+        module = todo.pop()
+        path = folder.joinpath(*module.split(".")).with_suffix(".py")
+        if module in found or not path.exists():
+            continue
+        found.add(module)
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module is not None:
+                todo += [node.module, *(f"{node.module}.{each.name}" for each in node.names)]
+            elif isinstance(node, ast.Import):
+                todo += [each.name for each in node.names]
+    assert len(found) > 50
+    assert {module for module in found if module.split(".")[1] in checkpoint.ASIDE} == set()
 
 
 def test_every_broken_off_file_is_passed_over(world: World) -> None:
