@@ -34,6 +34,9 @@ UNEXPLAINED_M_S = 0.8
 by so many standard deviations; the rest, summed up to that (Page's cumulative sum, 1954), is of a
 hand that turns the phone about the vertical as slowly as a vehicle turns."""
 
+MOST_SHARE = 0.6
+"""Of a turn that is the vehicle's less is missing, by whatever its speed is told wrong."""
+
 QUIET_S = 0.1
 """For so long the rate has to be usual until the slip is over."""
 
@@ -82,7 +85,9 @@ class SlipDetector:
 
     def _is_turned(self, centripetal_m_s2: float, explained_m_s2: float, duration_s: float) -> bool:
         """Return whether a hand turns the phone about the vertical, however slowly."""
-        seen_m_s2 = min(abs(self.missing_m_s2), abs(centripetal_m_s2))
+        missing_m_s2 = math.copysign(1.0, centripetal_m_s2) * self.missing_m_s2
+        most = missing_m_s2 > MOST_SHARE * abs(centripetal_m_s2)
+        seen_m_s2 = min(missing_m_s2, abs(centripetal_m_s2)) if most else 0.0
         if self.slips:
             self.unexplained_m_s = self.suspected_s = 0.0
             return seen_m_s2 > explained_m_s2

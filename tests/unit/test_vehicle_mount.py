@@ -106,6 +106,17 @@ def test_a_hand_that_turns_the_phone_slowly_turns_no_vehicle() -> None:
     assert np.abs(speed_errors_m_s(told, truth)).max() < 1.5
 
 
+def test_a_turn_at_a_speed_told_wrong_is_still_the_vehicles() -> None:
+    truth = drive(((0, 9), (19, 9)), ((0, 0), (9, 0), (10, 0.35), (14, 0.35), (15, 0), (19, 0)))
+    mount = VehicleMount()
+    mount.know_speed(9.0, 0.1)
+    told = mount.steps(truth.recording.rows(slice(0, 884)))
+    mount.know_speed(15.0, 0.1)
+    told += mount.steps(truth.recording.rows(slice(884, len(truth.recording)))) + mount.finish()
+    turned_rad = sum(one.d_heading_rad for one in told)
+    assert turned_rad == pytest.approx(truth.heading_rad[-1] - truth.heading_rad[0], abs=0.3)
+
+
 def test_who_reverses_out_first_goes_forward_in_the_end() -> None:
     truth = drive(((0, 0), (5, 0), (8, -2.0), (12, -2.0), (14, 0), (16, 0), (20, 6), (28, 9)))
     mount = VehicleMount()
