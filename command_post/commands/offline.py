@@ -17,6 +17,7 @@ from command_post.cluster import ClusterError
 from command_post.distribution_picture import Drawn, draw_monte_carlo
 from command_post.evaluation.pooled import PooledScore, latency, pool
 from command_post.fusion.settings import FusionMethod, FusionSettings
+from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.walls import Wall
 from command_post.incident import IncidentSettings
 from command_post.monte_carlo import Exercise, Run, run_many, run_one
@@ -98,6 +99,7 @@ def montecarlo(
     odometry: OdometrySource | None = None,
     fusion: FusionMethod = "team",
     plan: Path | None = None,
+    axis: bool = True,
     workers: Positive = 2,
     dask: str | None = None,
     picture: Path | None = None,
@@ -126,6 +128,8 @@ def montecarlo(
         The whole team smoothed together (team), or a particle filter for each (published).
     plan
         The building's walls, in GeoJSON, as ``command-post plan`` writes a scenario's.
+    axis
+        Let the team's fusion hold ways to an axis of the building where they show one.
     workers
         Processes that share the work.
     dask
@@ -138,7 +142,10 @@ def montecarlo(
     """
     agents = Agents(method, raw=False, odometry=odometry)
     try:
-        settings = with_plan(FusionSettings(method=fusion, seed=seed, particles=particles), plan)
+        told = FusionSettings(
+            method=fusion, team=TeamSettings(axis=axis), seed=seed, particles=particles
+        )
+        settings = with_plan(told, plan)
         exercises = {Path(name).stem: _exercise(name, settings, agents) for name in scenario}
         done = _run_all(exercises, runs, seed, workers, dask)
         if picture is not None:

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from command_post.evaluation.score_card import Radii
 from command_post.fusion.settings import FusionMethod, FusionSettings
+from command_post.fusion.team.settings import TeamSettings
 from command_post.incident import IncidentSettings
 from command_post.proof.boots import boot_trial, retrace
 from command_post.proof.radio import radio_trial, recordings_at
@@ -54,6 +55,7 @@ def boots(
     mount: Mount = "boot",
     method: str | None = None,
     fusion: FusionMethod = "team",
+    axis: bool = True,
     json: bool = False,
 ) -> int:
     """Fuse real boots' strides with simulated DAPs, whose places are known, along the true ways.
@@ -79,6 +81,8 @@ def boots(
         How the agents read them; the agents' own default for the mount if not given.
     fusion
         How tracks are made.
+    axis
+        Let the team's fusion hold ways to an axis of the building where they show one.
     json
         Print the scores as one JSON object.
 
@@ -97,7 +101,7 @@ def boots(
         for log in logs
         for each in range(seed, seed + runs)
     )
-    _show(_tried(trials, fusion), json=json)
+    _show(_tried(trials, fusion, axis=axis), json=json)
     return ExitCode.OK
 
 
@@ -110,6 +114,7 @@ def radio(
     seed: Seed = 0,
     runs: Positive = 1,
     fusion: FusionMethod = "team",
+    axis: bool = True,
     json: bool = False,
 ) -> int:
     """Fuse real readings of a carried beacon with a simulated boot on its true way.
@@ -129,6 +134,8 @@ def radio(
         Of each recording; each next one's seed is one higher.
     fusion
         How tracks are made.
+    axis
+        Let the team's fusion hold ways to an axis of the building where they show one.
     json
         Print the scores as one JSON object.
 
@@ -145,12 +152,15 @@ def radio(
         for file, recording in zip(files, recordings, strict=True)
         for each in range(seed, seed + runs)
     )
-    _show(_tried(trials, fusion), json=json)
+    _show(_tried(trials, fusion, axis=axis), json=json)
     return ExitCode.OK
 
 
-def _tried(trials: Iterable[Trial], fusion: FusionMethod) -> dict[str, list[Outcome]]:
-    settings = trial_settings(IncidentSettings(fusion=FusionSettings(method=fusion)))
+def _tried(
+    trials: Iterable[Trial], fusion: FusionMethod, *, axis: bool
+) -> dict[str, list[Outcome]]:
+    told = FusionSettings(method=fusion, team=TeamSettings(axis=axis))
+    settings = trial_settings(IncidentSettings(fusion=told))
     outcomes: dict[str, list[Outcome]] = {}
     for trial in trials:
         outcomes.setdefault(trial.name, []).append(try_out(trial, settings))

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from command_post.fusion.team.axis import legs, likely_axis, share_along
+from command_post.fusion.team.axis import cost_of_legs, legs, likely_axis
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import NOTHING
@@ -43,14 +43,6 @@ def walked(
 def test_directions_are_alike_modulo_a_right_angle() -> None:
     about_rad = np.radians([20.0, 110.0, 22.0, -71.0, 200.0, 60.0])
     assert likely_axis(about_rad, SD_RAD) == pytest.approx(math.radians(20.0), abs=0.04)
-    assert share_along([about_rad], SD_RAD) == pytest.approx(5.0 / 6.0)
-
-
-def test_each_goes_along_an_axis_of_their_own() -> None:
-    one_rad, other_rad = np.radians([0.0, 91.0, 179.0]), np.radians([30.0, 121.0])
-    assert share_along([one_rad, other_rad], SD_RAD) == 1.0
-    assert share_along([np.concatenate([one_rad, other_rad])], SD_RAD) == pytest.approx(0.6)
-    assert share_along([], SD_RAD) == 0.0
 
 
 def test_who_hardly_knows_their_heading_is_not_turned_to_the_axis_given() -> None:
@@ -102,3 +94,44 @@ def test_a_few_ways_across_a_hall_show_no_axis() -> None:
     legs_m = 14.0 * np.exp(1j * np.radians([20.0, 155.0, 320.0, 95.0, 260.0]))
     corners = [(each.real, each.imag) for each in np.append(0.0, np.cumsum(legs_m)).tolist()]
     assert walked(math.radians(20.0), 0.0, corners).belief.mode == "none"
+
+
+def plain_cost_of_legs(
+    straight: np.ndarray, off_rad: np.ndarray, leg: np.ndarray, share: float
+) -> tuple[float, float]:
+    """Return the same by densities: along the axis, or anywhere and straight on from there."""
+
+    def cauchy(off: np.ndarray) -> np.ndarray:
+        return np.asarray(1.0 / (math.pi * SD_RAD * (1.0 + (off / SD_RAD) ** 2)))
+
+    legs_cost = 0.0
+    for number in range(leg[-1] + 1):
+        own = leg == number
+        along = np.prod(cauchy(off_rad[own]))
+        bends_rad = np.angle(np.exp(1j * np.diff(straight[own, 0])))
+        anywhere = 2.0 / math.pi * np.prod(cauchy(bends_rad))
+        legs_cost -= 2.0 * math.log((share * along + (1.0 - share) * anywhere) / anywhere)
+    return float(2.0 * np.log1p((off_rad / SD_RAD) ** 2).sum()), legs_cost
+
+
+def test_legs_cost_what_their_densities_say() -> None:
+    straight = np.column_stack([np.radians([178.0, -177.0, 175.0, 20.0, 24.0]), np.full(5, SD_RAD)])
+    off_rad = np.radians([2.0, -3.0, 4.0, 40.0, 44.0])
+    leg = np.array([0, 0, 0, 1, 1])
+    assert cost_of_legs(straight, off_rad, leg, 0.8) == pytest.approx(
+        plain_cost_of_legs(straight, off_rad, leg, 0.8)
+    )
+
+
+def test_a_long_leg_aside_of_an_axis_says_no_more_against_it_than_a_short_one_may() -> None:
+    straight, off_rad = np.full((300, 2), SD_RAD), np.full(300, math.radians(45.0))
+    most = -2.0 * math.log(0.2)
+    _, of_legs = cost_of_legs(straight, off_rad, np.zeros(300, np.int64), 0.8)
+    assert of_legs == pytest.approx(most)
+    _, of_legs = cost_of_legs(straight[:0], off_rad[:0], np.zeros(0, np.int64), 0.8)
+    assert of_legs == 0.0
+
+
+def test_one_leg_along_shows_no_axis_to_who_may_head_anywhere() -> None:
+    corners = [(0.0, 0.0), (12.0, 0.0), (12.0, 12.0)]
+    assert walked(math.radians(30.0), math.radians(10.0), corners).belief.mode != "given"

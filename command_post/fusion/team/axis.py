@@ -8,7 +8,6 @@ goes there.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from collections.abc import Set as AbstractSet
 
 import numpy as np
@@ -23,29 +22,28 @@ from shared.compiled import compiled
 from shared.maths.angles import HALF_PI, nearest_right_angle_rad
 
 AXIS_GRID = 45
-ALONG_RAD = math.radians(10.0)
-"""A move along an axis is off it by no more."""
+BEND_RAD = math.radians(10.0)
+"""A move of a leg goes no further off the one before."""
+TURN = 2.0 * math.pi
+MOST_ODDS = 1e100
 
 
 def directions(
     assembled: Assembled, pose: Floats, held: AbstractSet[UnitName], settings: TeamSettings
-) -> list[Floats]:
-    """Return the ways (rad, in the incident's frame) that legs of ``held`` units go.
-
-    They are by responder.
-    """
-    found = []
+) -> Floats:
+    """Return the ways (k,), in rad in the incident's frame, that legs of ``held`` units go."""
+    found = [np.empty(0)]
     for index, chain in enumerate(assembled.chains):
         straight, own_rad = straight_moves(chain, assembled.nodes[index], held, settings)
         at = int(assembled.graph.first[index]) + straight
         leg = legs(straight, own_rad)
         found.append(_means(own_rad + 0.5 * (pose[at, 2] + pose[at + 1, 2]), leg))
-    return found
+    return np.concatenate(found)
 
 
 def legs(node: Ints, direction_rad: Floats) -> Ints:
     """Return which leg (k,) each straight move is of, from the nodes (k,) that moves begin at."""
-    bends = np.abs(_wrapped(np.diff(direction_rad))) > ALONG_RAD
+    bends = np.abs(_wrapped(np.diff(direction_rad))) > BEND_RAD
     begins = np.concatenate([[True], bends | (np.diff(node) != 1)])[: node.size]
     return np.cumsum(begins) - 1
 
@@ -61,24 +59,38 @@ def _wrapped(angle_rad: Floats) -> Floats:
     return np.asarray(angle_rad - 2.0 * math.pi * np.floor(angle_rad / (2.0 * math.pi) + 0.5))
 
 
-def by_leg(graph: Graph, pose: Floats, arrow: Floats) -> tuple[int, float]:
-    """Return how many legs are held to the axis, and what moves cost beyond one of each leg's."""
+def told_by_legs(graph: Graph, pose: Floats, arrow: Floats, share: float) -> tuple[float, float]:
+    """Return what straight moves cost in the graph, and what their legs cost as they really count.
+
+    Both are twice negative logarithms of likelihoods, the second against legs that go anywhere. By
+    the probability ``share`` a leg goes along the axis, and each move is off it as by a Cauchy
+    density; else it goes anywhere, each move off the one before as by such a density. So however
+    long a leg is, it says no more against an axis than one that is aside of it may.
+    """
     nodes = graph.move_at[graph.straight_at, 0]
-    leg = legs(nodes, graph.straight[:, 0])
-    if not leg.size:
-        return 0, 0.0
-    cost = np.array(
-        [
-            2.0 * logarithm(1.0 + off2)
-            for off2 in (
-                (_off_axis(graph, pose, arrow, nodes) / graph.straight[:, 1]) ** 2
-            ).tolist()
-        ]
-    )
-    count = int(leg[-1]) + 1
-    return count, math.fsum(cost.tolist()) - math.fsum(
-        (np.bincount(leg, cost) / np.bincount(leg)).tolist()
-    )
+    off_rad = _off_axis(graph, pose, arrow, nodes)
+    return cost_of_legs(graph.straight, off_rad, legs(nodes, graph.straight[:, 0]), share)
+
+
+@compiled
+def cost_of_legs(straight: Floats, off_rad: Floats, leg: Ints, share: float) -> tuple[float, float]:
+    """Return the two costs of :func:`told_by_legs`, of moves (k,) by leg, so far off the axis."""
+    of_moves, of_legs, odds = 0.0, 0.0, 1.0
+    for row in range(leg.size):
+        direction_rad, sd_rad = straight[row]
+        off = off_rad[row] / sd_rad
+        of_moves += 2.0 * logarithm(1.0 + off * off)
+        if row == 0 or leg[row] != leg[row - 1]:
+            # A Cauchy density at its middle, over that of a direction anywhere in a right angle.
+            odds = 0.5 / sd_rad
+        else:
+            bend_rad = direction_rad - straight[row - 1, 0]
+            bend = (bend_rad - TURN * math.floor(bend_rad / TURN + 0.5)) / sd_rad
+            odds = min(odds * (1.0 + bend * bend), MOST_ODDS)
+        odds /= 1.0 + off * off
+        if row + 1 == leg.size or leg[row + 1] != leg[row]:
+            of_legs -= 2.0 * logarithm(share * odds + 1.0 - share)
+    return of_moves, of_legs
 
 
 def _off_axis(graph: Graph, pose: Floats, arrow: Floats, nodes: Ints) -> Floats:
@@ -109,21 +121,3 @@ def _cauchy_cost(directions_rad: Floats, axis_rad: float, sd_rad: float) -> floa
         off = (off_rad - nearest_right_angle(off_rad)) / sd_rad
         cost += logarithm(1.0 + off * off)
     return cost
-
-
-def share_along(several_rad: Collection[Floats], sd_rad: float) -> float:
-    """Return which share of directions lies along the axis that suits each responder's own best.
-
-    In a building with an axis that is most of them; where ways bend or go anywhere, little more
-    than chance makes it. 0 if there are none.
-    """
-    along = 0
-    for directions_rad in several_rad:
-        off_rad = _off_rad(directions_rad, likely_axis(directions_rad, sd_rad))
-        along += int((np.abs(off_rad) < ALONG_RAD).sum())
-    return along / max(sum(each.size for each in several_rad), 1)
-
-
-def _off_rad(directions_rad: Floats, axis_rad: float) -> Floats:
-    off_rad = directions_rad - axis_rad
-    return off_rad - nearest_right_angle_rad(off_rad)

@@ -185,7 +185,8 @@ def _move_rows(moves: Moves, unseen: Unseen, settings: TeamSettings) -> _Rows:
     length_m = np.hypot(step_m[:, 0], step_m[:, 1])
     own_m2 = (settings.stride_sd_m + settings.stride_sd_share * length_m) ** 2
     place_m2 = values[:, PLACE_M2] + own_m2 + unseen.place_m2
-    turn_rad2 = values[:, TURN_RAD2] + settings.stride_turn_sd_rad**2 + unseen.turn_rad2
+    told_rad2 = settings.told_turn_factor**2 * values[:, TURN_RAD2]
+    turn_rad2 = told_rad2 + settings.stride_turn_sd_rad**2 + unseen.turn_rad2
     return _Rows(
         step_m + unseen.way_m[:, :2],
         length_m + np.hypot(unseen.way_m[:, 0], unseen.way_m[:, 1]),

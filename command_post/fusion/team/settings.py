@@ -62,10 +62,12 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     be ``horizon_s`` ago, or up to a quarter of that more. What comes ``lateness_s`` after it
     happened, or later, is not fused any more.
 
-    A building's axis is believed in where there are ``axis_least_moves`` legs and a share of
-    ``axis_least_share`` of them lies along one; that it is ``axis_rad``, where headings alone tell
-    it to ``axis_seen_sd_rad``. That it is a plan's, ``planned_axis_rad``, is believed in as well
-    where headings come as near to it as ``planned_axis_most_off`` standard deviations.
+    A building's axis is believed in where there are ``axis_least_moves`` legs, and all is likelier
+    with a share of ``axis_least_share`` of them along it, or more; that it is ``axis_rad``, where
+    headings alone tell it to ``axis_seen_sd_rad``. That it is a plan's, ``planned_axis_rad``, is
+    believed in as well where headings come as near to it as ``planned_axis_most_off`` standard
+    deviations. What units tell of how sure their turns are is taken ``told_turn_factor`` times as
+    wide: of running boots, whose gyroscopes clip, it is far too narrow.
     """
 
     tick_s: Seconds = 2.0
@@ -90,7 +92,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     drift_sd_rad_s: Radians = math.radians(0.05)
     stride_sd_m: Metres = 0.03
     stride_sd_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.025
-    stride_turn_sd_rad: Radians = math.radians(0.85)
+    stride_turn_sd_rad: Radians = math.radians(0.6)
+    told_turn_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 2.0
     lost_stride_m: Metres = 1.2
     unseen_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.9
     unseen_turn_sd_rad: Radians = math.radians(6.0)
@@ -125,8 +128,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     straight_sd_rad: Radians = math.radians(6.0)
     straight_least_m: Metres = 1.8
     straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985
-    axis_least_moves: Annotated[int, Meta(ge=1, le=1000)] = 4
-    axis_least_share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.65
+    axis_least_moves: Annotated[int, Meta(ge=1, le=1000)] = 2
+    axis_least_share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.8
     axis_seen_sd_rad: Radians = math.radians(22.0)
     planned_axis_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] | None = None
     planned_axis_most_off: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.3

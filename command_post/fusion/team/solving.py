@@ -14,7 +14,7 @@ from command_post.fusion.team.assembly import (
     AxisBelief,
     assemble,
 )
-from command_post.fusion.team.axis import by_leg, directions, likely_axis, share_along
+from command_post.fusion.team.axis import directions, likely_axis, told_by_legs
 from command_post.fusion.team.chain import UnitName, turn_known
 from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.graph import AXIS
@@ -22,9 +22,9 @@ from command_post.fusion.team.log import Floats, TeamLog
 from command_post.fusion.team.same_floor import by_floor
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_scale
-from command_post.fusion.team.smoother import smooth
+from command_post.fusion.team.smoother import log_determinant, smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
-from shared.maths.angles import nearest_right_angle_rad, wrap_rad
+from shared.maths.angles import HALF_PI, nearest_right_angle_rad, wrap_rad
 from shared.units import NS_PER_S
 
 KNOWN_TURNS_RAD = tuple(math.radians(each) for each in (-60.0, -30.0, 30.0, 60.0))
@@ -33,10 +33,10 @@ QUARTERS_RAD = (-0.5 * math.pi, 0.5 * math.pi, math.pi)
 UNDECIDED_COST = 9.0
 """Of two ways that differ by no more in cost, twice the logarithm of odds, either may be true."""
 LEAST_NODES = 4
-UNIFORM_COST = -2.0 * math.log(2.0 / math.pi)
-FREE_AXIS_COST = 6.0
-NO_AXIS_COST = 8.0
-"""How much less likely beforehand a building is that stands askew, or has no axis."""
+FREE_AXIS_COST = 2.0
+"""How much less likely beforehand an axis is that is not given; none at all is as likely as that."""
+FREE_AXIS_DENSITY_COST = 2.0 * math.log(HALF_PI) - math.log(2.0 * math.pi)
+"""Of an axis that may be any, alike modulo a right angle, beside Gaussians without their 2π."""
 
 
 class Solved(NamedTuple):
@@ -198,10 +198,12 @@ def _with_axis(
         return _belief_cost(tried, settings) - stays
 
     unheld = under(NO_AXIS._replace(units=held))
-    several_rad = directions(unheld.assembled, unheld.pose, held, settings)
-    if not unheld.is_sound or not _go_along_one(several_rad, settings):
+    if not unheld.is_sound:
         return unheld
-    likely_rad = likely_axis(np.concatenate(several_rad), settings.straight_sd_rad)
+    directions_rad = directions(unheld.assembled, unheld.pose, held, settings)
+    if directions_rad.size < settings.axis_least_moves:
+        return unheld
+    likely_rad = likely_axis(directions_rad, settings.straight_sd_rad)
     free = under(AxisBelief("free", likely_rad, ANY_AXIS_SD_RAD, held))
     trials = [free, unheld]
     if free.shared[AXIS, AXIS] < settings.axis_seen_sd_rad**2:
@@ -234,28 +236,22 @@ def _may_be_planned(free: Solved, held: AxisBelief, settings: TeamSettings) -> b
     return off_rad**2 < most_off**2 * found_rad2
 
 
-def _go_along_one(several_rad: list[Floats], settings: TeamSettings) -> bool:
-    """Whether straight moves, by responder, are enough and alike enough for an axis."""
-    return (
-        sum(each.size for each in several_rad) >= settings.axis_least_moves
-        and share_along(several_rad, settings.straight_sd_rad) >= settings.axis_least_share
-    )
-
-
 def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
-    """Return twice the negative log-posterior, comparable between beliefs of the axis.
+    """Return twice the negative logarithm of a belief's probability, up to a constant.
 
-    Of a building with an axis the directions of legs have a wrapped Cauchy density, without one
-    they are uniform. That most buildings have one, and that the incident's frame is
-    laid along it, is worth something beforehand.
+    It is its evidence, by Laplace's approximation about the solution (MacKay, "Bayesian
+    interpolation", 1992): an axis gains little by legs along it where headings may be turned to
+    suit any.
     """
-    count, again = by_leg(tried.assembled.graph, tried.pose, tried.arrow)
-    gained = count * (2.0 * math.log(math.pi * settings.straight_sd_rad) - UNIFORM_COST) - again
-    if tried.belief.mode == "given":
-        return tried.cost + gained
-    if tried.belief.mode == "free":
-        return tried.cost + gained + FREE_AXIS_COST
-    return tried.cost + NO_AXIS_COST
+    graph, belief = tried.assembled.graph, tried.belief
+    cost = tried.cost + log_determinant(graph, tried.pose, tried.arrow)
+    if belief.mode == "none":
+        return cost
+    of_moves, of_legs = told_by_legs(graph, tried.pose, tried.arrow, settings.axis_least_share)
+    cost += of_legs - of_moves
+    if belief.mode == "given":
+        return cost + 2.0 * math.log(belief.sd_rad)
+    return cost + FREE_AXIS_COST + FREE_AXIS_DENSITY_COST
 
 
 def with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> Solved:
