@@ -34,7 +34,7 @@ UNDECIDED_COST = 9.0
 """Of two ways that differ by no more in cost, twice the logarithm of odds, either may be true."""
 LEAST_NODES = 4
 FREE_AXIS_COST = 2.0
-"""How much less likely beforehand an axis is that is not given; none at all is as likely as that."""
+"""How much less likely beforehand an axis is that is not given; none is as likely as one given."""
 FREE_AXIS_DENSITY_COST = 2.0 * math.log(HALF_PI) - math.log(2.0 * math.pi)
 """Of an axis that may be any, alike modulo a right angle, beside Gaussians without their 2π."""
 
