@@ -156,7 +156,8 @@ class UnitSocket:
                 data = client.recv(MOST_REQUEST_BYTES)
             except BlockingIOError:
                 continue
-            except OSError:
+            except OSError as error:
+                _log.info("who commanded at the unit is gone", why=error.strerror)
                 data = b""
             act = COMMANDS.get(data.strip())
             if act is None:

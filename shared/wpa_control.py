@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import socket
 import time
+from contextlib import suppress
 from pathlib import Path
 
 ANSWER_S = 2.0
@@ -45,19 +46,17 @@ class ControlSocket:
                 answer = self._receive()
                 if answer is not None:
                     return answer
-        except TimeoutError:
-            pass
-        raise TimeoutError(f"{command} is not answered")
+        except TimeoutError as error:
+            raise TimeoutError(f"{command} is not answered") from error
+        raise TimeoutError(f"{command} is not answered: there are only events")
 
     def take_events(self) -> list[str]:
         """Return what has happened since this was last asked, without the levels in front."""
         self._socket.setblocking(False)
-        try:
-            # An answer now is one that came too late for whom it was for.
+        # Until nothing is there any more; an answer now came too late for whom it was for.
+        with suppress(BlockingIOError):
             while len(self._events) < MOST_EVENTS:
                 self._receive()
-        except BlockingIOError:
-            pass
         events, self._events = self._events, []
         return events
 
