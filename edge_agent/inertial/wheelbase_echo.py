@@ -99,17 +99,16 @@ def echo_log_likelihoods(
                 share * np.interp(front_s - due_s - after_s, time_s, signal)
                 for after_s, share in taps
             )
-            likeness = float(np.sum(expected * signal[listening]))
-            strength = float(np.sum(expected * expected))
-            told[row] += float(
-                np.logaddexp.reduce(
-                    [
-                        SHARE_BELIEVED * loud * (likeness - 0.5 * loud * strength)
-                        for loud in LOUDNESS
-                    ]
-                )
-            ) - math.log(len(LOUDNESS))
+            told[row] += _log_likelihood(expected, signal[listening])
     return told
+
+
+def _log_likelihood(expected: Array, heard: Array) -> float:
+    """Return that of an echo as ``expected`` (n,), as loud as it may be, against none."""
+    likeness = float(np.sum(expected * heard))
+    strength = float(np.sum(expected * expected))
+    louder = [SHARE_BELIEVED * loud * (likeness - 0.5 * loud * strength) for loud in LOUDNESS]
+    return float(np.logaddexp.reduce(louder)) - math.log(len(LOUDNESS))
 
 
 def _dense(vibration: Vibration) -> Vibration:

@@ -56,6 +56,10 @@ def open_source(
         from edge_agent.sources.phone_server import open_phone  # noqa: PLC0415
 
         return open_phone(where, SystemClock().now_ns, bundle)
+    return _open_file(kind, where, mount)
+
+
+def _open_file(kind: str, where: str, mount: MountName) -> Source:
     try:
         samples = iter(_samples(kind, where, mount))
         first = next(samples, None)
