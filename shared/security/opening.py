@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from pathlib import Path
 from typing import Annotated, TypeAlias
@@ -58,9 +59,15 @@ def _tell_of_validity(bundle: Bundle, now_ns: int) -> None:
     certificate = bundle.certificate
     left_h = (certificate.not_after_ns - now_ns) / (3600 * NS_PER_S)
     advice = "'command-post keys renew' prolongs it"
+    expired = f"the certificate has expired, by this clock: no link comes about; {advice}"
     if now_ns >= certificate.not_after_ns:
-        _log.error(f"the certificate has expired, by this clock: no link comes about; {advice}")
+        _log.error(expired)
     elif now_ns < certificate.not_before_ns:
         _log.error("the certificate is not valid yet, by this clock: no link comes about")
     elif certificate.not_after_ns - now_ns < SOON_NS:
         _log.warning(f"the certificate expires soon; {advice}", hours=round(left_h, 1))
+        # Links close then, and who runs this would not be told why.
+        left_s = (certificate.not_after_ns - now_ns) / NS_PER_S
+        telling = threading.Timer(left_s, _log.error, (expired,))
+        telling.daemon = True
+        telling.start()

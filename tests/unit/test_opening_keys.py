@@ -11,6 +11,7 @@ from structlog.testing import capture_logs
 from shared.security.bundle import BundleError
 from shared.security.opening import local_endpoint, open_keys
 from tests.issued_keys import Keys, identity, now
+from tests.waiting import wait_for
 
 R1 = identity("r1")
 
@@ -58,3 +59,11 @@ def test_it_says_when_a_certificate_is_of_no_use_for_long(
         assert open_keys(bundle.folder, R1, insecure=False) is not None
     assert [each["log_level"] for each in logs] == [level]
     assert words in logs[0]["event"]
+
+
+def test_it_says_so_when_a_certificate_expires_while_it_is_used(tmp_path: Path) -> None:
+    keys = Keys(tmp_path / "keys", ["r1"])
+    bundle = keys.date("r1", now() - timedelta(hours=1), now() + timedelta(seconds=2))
+    with capture_logs() as logs:
+        open_keys(bundle.folder, R1, insecure=False)
+        wait_for(lambda: "has expired" in logs[-1]["event"], "the certificate to expire")
