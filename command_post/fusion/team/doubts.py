@@ -58,7 +58,8 @@ LEAST_PASSES = 3
 FEWEST_TO_ONE = 4
 """Of so many DAPs one may be doubted: who finds most of them wrong is more likely wrong.
 
-And of so many scales: were most of them free, nothing would tell how large the map is.
+And of so many scales, of nobody's who is alone: were most of them free, nothing would tell how large
+the map is, but how blunt radio is here.
 """
 
 TIMES_THE_REST = 3.0
@@ -255,7 +256,8 @@ def _best(
     best: tuple[Solved, Held] | None = None
     most = MOST_TRIED_OF_CROWD if case.of_crowd else None
     scales = sum(each.kind == "scale" for each in kept)
-    most_scales = max(1, len(solved.assembled.chains) // FEWEST_TO_ONE)
+    chains = len(solved.assembled.chains)
+    most_scales = max(1, chains // FEWEST_TO_ONE) if chains > 1 else 0
     for suspicion in islice(_against(solved, node, others), most):
         if suspicion.kind == "scale" and scales >= most_scales:
             continue
