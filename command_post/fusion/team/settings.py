@@ -110,7 +110,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     install_sd_m: Metres = 0.3
     install_ahead_m: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.25
-    aside_share: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.8
+    aside_share: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.6
     near_sd_m: Metres = 2.5
     sharpness: Sharpness = Sharpness()
     scale_prior_ties: Annotated[float, Meta(gt=0.0, le=1e6)] = 5.0
