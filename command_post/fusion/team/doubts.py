@@ -58,8 +58,8 @@ LEAST_PASSES = 3
 FEWEST_TO_ONE = 4
 """Of so many DAPs one may be doubted: who finds most of them wrong is more likely wrong.
 
-And of so many scales, of nobody's who is alone: were most of them free, nothing would tell how large
-the map is, but how blunt radio is here.
+And of so many scales, of nobody's who is alone: were most of them free, nothing would tell how
+large the map is, or how blunt radio is here.
 """
 
 TIMES_THE_REST = 3.0
