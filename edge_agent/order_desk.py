@@ -4,33 +4,28 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Literal, Self
+from typing import Literal
 
 import structlog
 from rich.console import Console
 
+from edge_agent.desk import Desk
 from edge_agent.orders import OrderBook
-from shared.bus.inbox import Inbox
-from shared.bus.interface import Bus, Received
+from shared.bus.interface import Bus
 from shared.clock import Clock
-from shared.codec import Refusal, decode, parse_key
 from shared.gate import Gate
 from shared.messages import NodeId, Order, OrderReply, TimeNs
 from shared.sender import Sender
 from shared.topics import Key
 from shared.units import NS_PER_S
 
-POLL_S = 0.2
 FRESH_NS = 30 * NS_PER_S
 """An order is not heeded that was said so much longer ago: the post says it again every 3 s."""
-
-MOST_ORDERS = 1024
-"""Orders that wait to be read; the post says again what was lost."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
 
-class OrderDesk:
+class OrderDesk(Desk):
     """Tells the wearer what the post orders, and the post that they were told, and understood.
 
     ``acknowledged`` is set when the wearer says so: all that they were told until then is.
@@ -49,9 +44,9 @@ class OrderDesk:
         post_time_ns: Callable[[NodeId], TimeNs | None],
     ) -> None:
         """``post_time_ns``: what time it is at a post, as far as that is known."""
+        super().__init__(bus, incident, "order", gate)
         self._book = book
         self._sender = sender
-        self._gate = gate
         self._clock = clock
         self._acknowledged = acknowledged
         self._tell = tell
@@ -59,42 +54,18 @@ class OrderDesk:
         self.stale = 0
         """How much was said long ago, or nobody knows when."""
 
-        self._inbox: Inbox[Received] = Inbox(MOST_ORDERS)
-        self._stop = threading.Event()
-        # No daemon: it is inside Zenoh when it replies.
-        self._thread = threading.Thread(target=self._run, name="orders", daemon=False)
-        bus.subscribe(str(Key(incident, "post", "*", "order")), self._inbox.put)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
-
     def attend(self, wait_s: float = 0.0) -> None:
         """Heed what has come, within ``wait_s`` at most, and what the wearer acknowledges."""
-        for received in self._inbox.get_all(wait_s):
-            self._heed(received)
+        for key, message in self._heard(wait_s):
+            if isinstance(message, Order) and self._is_fresh(message):
+                self._heed(key, message)
         if self._acknowledged.is_set():
             self._acknowledged.clear()
             for order in self._book.acknowledge():
                 self._reply(order, "acknowledged")
                 _log.info("acknowledged", order=order.kind, number=order.sequence)
 
-    def _run(self) -> None:
-        while not self._stop.is_set():
-            self.attend(POLL_S)
-
-    def _heed(self, received: Received) -> None:
-        key = parse_key(received.key)
-        # Said twice it may be: it is told once, and tells itself when it was said.
-        if isinstance(key, Refusal) or self._gate.doubt(*received) is not None:
-            return
-        order = decode(key, received.payload)
-        if not isinstance(order, Order) or not self._is_fresh(order):
-            return
+    def _heed(self, key: Key, order: Order) -> None:
         if self._book.take(key, order):
             self._tell(order)
             self._reply(order, "received")
