@@ -33,8 +33,9 @@ QUARTERS_RAD = (-0.5 * math.pi, 0.5 * math.pi, math.pi)
 UNDECIDED_COST = 9.0
 """Of two ways that differ by no more in cost, twice the logarithm of odds, either may be true."""
 LEAST_NODES = 4
-FREE_AXIS_COST = 2.0
-"""How much less likely beforehand an axis is that is not given; none is as likely as one given."""
+FREE_AXIS_COST = 5.0
+NO_AXIS_COST = 4.0
+"""How much less likely beforehand a building is that stands askew, or has no axis."""
 FREE_AXIS_DENSITY_COST = 2.0 * math.log(HALF_PI) - math.log(2.0 * math.pi)
 """Of an axis that may be any, alike modulo a right angle, beside Gaussians without their 2π."""
 
@@ -193,8 +194,10 @@ def _with_axis(
         return _begun(believing, before, belief, settings, settings.commit_iterations)
 
     def cost(tried: Solved) -> float:
-        # Hysteresis: the belief held so far has the better of a tie.
-        stays = settings.adopt_gain if _is_like(tried.belief, before.belief) else 0.0
+        # Hysteresis: the belief held so far has the better of a tie. That an axis may be any says
+        # nothing against the one given.
+        is_free = before.belief.mode == "free" and tried.belief.mode != "none"
+        stays = settings.adopt_gain if is_free or _is_like(tried.belief, before.belief) else 0.0
         return _belief_cost(tried, settings) - stays
 
     unheld = under(NO_AXIS._replace(units=held))
@@ -246,7 +249,7 @@ def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
     graph, belief = tried.assembled.graph, tried.belief
     cost = tried.cost + log_determinant(graph, tried.pose, tried.arrow)
     if belief.mode == "none":
-        return cost
+        return cost + NO_AXIS_COST
     of_moves, of_legs = told_by_legs(graph, tried.pose, tried.arrow, settings.axis_least_share)
     cost += of_legs - of_moves
     if belief.mode == "given":
