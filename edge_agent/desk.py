@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import threading
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator
-from typing import Self
 
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
 from shared.codec import Refusal, decode, parse_key
 from shared.gate import Gate
 from shared.messages import Message, NodeId
+from shared.own_thread import OwnThread
 from shared.topics import Key
 
 POLL_S = 0.1
@@ -19,24 +18,14 @@ MOST_WAITING = 1024
 """Messages that wait to be read; a post says again what was lost."""
 
 
-class Desk(ABC):
+class Desk(OwnThread):
     """Hears ``topic`` of an incident's posts from the start; attends while it is entered."""
 
     def __init__(self, bus: Bus, incident: NodeId, topic: str, gate: Gate) -> None:
+        super().__init__(f"{topic} desk")
         self._gate = gate
         self._inbox: Inbox[Received] = Inbox(MOST_WAITING)
-        self._stop = threading.Event()
-        # No daemon: it is inside Zenoh when it says something.
-        self._thread = threading.Thread(target=self._run, name=f"{topic} desk", daemon=False)
         bus.subscribe(str(Key(incident, "post", "*", topic)), self._inbox.put)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
 
     @abstractmethod
     def attend(self, wait_s: float = 0.0) -> None:

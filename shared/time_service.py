@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Collection, Mapping
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import msgspec
 
@@ -20,6 +20,7 @@ from shared.clock import PacedClock
 from shared.clock_sync import ClockOffset, Exchange, OffsetEstimator
 from shared.gate import Verifier
 from shared.messages import NodeId, TimeNs
+from shared.own_thread import OwnThread
 from shared.seal import Seal, to_be_signed
 from shared.sender import Sign
 from shared.topics import Key, time_key
@@ -87,7 +88,7 @@ def time_answerer(clock: PacedClock, key: str = "", sign: Sign | None = None) ->
     return answer
 
 
-class TimeAsker:
+class TimeAsker(OwnThread):
     """Asks the incident's posts for the time, and keeps to one: a node has one offset.
 
     ``clock`` is what the node dates by. In a ``with`` block it asks on a thread of its own, a few
@@ -102,6 +103,7 @@ class TimeAsker:
         verifier: Verifier | None = None,
     ) -> None:
         """``verifier``: knows the posts' keys; without one, any answer is believed."""
+        super().__init__("time")
         self._bus = bus
         self._keys = time_key(incident, "*")
         self._clock = clock
@@ -109,17 +111,6 @@ class TimeAsker:
         self._lock = threading.Lock()
         self._post = _Asked("", clock.pace)
         self._told: dict[NodeId, _Told] = {}
-        self._stop = threading.Event()
-        # No daemon: it is inside Zenoh when it asks.
-        self._thread = threading.Thread(target=self._run, name="time", daemon=False)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
 
     def stated(self) -> StatedOffset | None:
         """Return what is known now; ``None`` while nothing is."""
