@@ -37,6 +37,8 @@ ROUND_UP_TO_RAD = math.radians(120.0)
 """Corners up to this are walked round; sharper ones are turned on the spot."""
 CORNER_CUT_M = 0.6
 """How far before a corner the walker begins to round it."""
+CORNER_TURN_M = 0.15
+"""Within this of a bend one faces from where one came to where one goes."""
 KNEEL_S = 1.8
 LADDER_TREAD_M = 0.1
 """Steps no deeper than this are rungs."""
@@ -200,11 +202,13 @@ class _Planner:
         steps = np.diff(way_m, axis=0)
         directions = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])) + _facing_off(gait)
         directions += here.facing_rad + wrap_rad(directions[0] - here.facing_rad) - directions[0]
-        middles_m = 0.5 * (along_m[1:] + along_m[:-1])
+        # One turns at a corner, not from the middle of one straight to that of the next.
+        margins_m = np.minimum(CORNER_TURN_M, 0.5 * np.diff(along_m))
+        turns_m = np.column_stack((along_m[:-1] + margins_m, along_m[1:] - margins_m)).ravel()
         for end_m in ends_m:
             place = [np.interp(end_m, along_m, way_m[:, axis]) for axis in (0, 1)]
             body_m = np.array([*place, here.body_m[2]])
-            facing_rad = float(np.interp(end_m, middles_m, directions))
+            facing_rad = float(np.interp(end_m, turns_m, np.repeat(directions, 2)))
             yield self._fall(gait, habit, body_m, facing_rad, here.posture_rad)
 
     def _fall(

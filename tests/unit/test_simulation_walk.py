@@ -151,6 +151,17 @@ def test_side_steps_go_sideways_and_a_u_turn_is_made_on_the_spot() -> None:
     assert abs(np.degrees(walk.body.heading_rad[-1])) == pytest.approx(180.0, abs=1.0)
 
 
+def test_a_straight_is_faced_along_right_up_to_where_its_corner_is_rounded() -> None:
+    out = Move("walk", ((10.0, 0.0), (10.0, 8.0)))
+    body = simulate_walk(lone_walk(out), "r1", seed=0).body
+    north_m, east_m, _ = body.position_m.T
+    first, second = (east_m < 1e-9) & (north_m < 9.0), (north_m > 10.0 - 1e-9) & (east_m > 1.0)
+    assert first.sum() > 5
+    assert second.sum() > 5
+    assert np.degrees(body.heading_rad[first]) == pytest.approx(0.0, abs=1e-6)
+    assert np.degrees(body.heading_rad[second]) == pytest.approx(90.0, abs=1e-6)
+
+
 def test_a_crawling_boot_stands_near_vertical() -> None:
     walk = simulate_walk(gait_walk("crawl", 5.0), "r1", seed=0)
     _, angles_rad = walk.foot.pose(walk.stance_time_s[2:])
