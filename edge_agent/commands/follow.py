@@ -20,7 +20,7 @@ from edge_agent.drop_desk import DropDesk, tell_wearer_to_set_down
 from edge_agent.mayday import MaydayCall
 from edge_agent.mayday_controls import Control, InputButton, UnitSocket, socket_path
 from edge_agent.mayday_desk import MaydayDesk
-from edge_agent.mounts.interface import Faults
+from edge_agent.mounts.interface import Faults, Mount
 from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
 from edge_agent.radio_desk import RadioDesk
@@ -37,7 +37,7 @@ from shared.files import FileHeldError
 from shared.gate import Gate
 from shared.introductions import Introductions
 from shared.kept_stations import KeptStations
-from shared.messages import Mayday, NodeId, TrackStart
+from shared.messages import LocalPosition, Mayday, NodeId, TrackStart
 from shared.node import Node
 from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
@@ -135,17 +135,9 @@ def run(
                 bus, incident, "responder", responder_id, outbox, introductions.signers,
                 PacedClock(SystemClock()), SystemClock().now_ns(), stop,
             )  # fmt: skip
-            sender = node.sender()
-            drop_desk = _drop_desk(sender, has.daps)
-            agent = Agent(
-                sender, follower, worn.chosen_method, place, worn=worn.mount,
-                sends_imu=imu, stands_at=known_point, keeps=lambda: outbox.fault is None,
-                drop_desk=drop_desk,
-            )  # fmt: skip
-            if outbox.broken_off and outbox.newest(sender.key(TrackStart)) is not None:
-                _log.warning("goes on where it was broken off: the post knows where they stand")
-                agent.forget_place()
-            bus.answer(sender.key(TrackStart), lambda _: agent.start_payload)
+            drop_desk = _drop_desk(node.sender(), has.daps)
+            agent = _agent(node, follower, worn, place, known_point, imu=imu, drop_desk=drop_desk)
+            bus.answer(node.sender().key(TrackStart), lambda _: agent.start_payload)
             with (
                 NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
                 node.heartbeat(node_time.statement, SupplyGauge(has.supplies)),
@@ -164,6 +156,23 @@ def run(
         _log.error(str(error))
         return ExitCode.USAGE
     return ExitCode.OK
+
+
+def _agent(
+    node: Node, follower: Mount, worn: Worn, place: LocalPosition | None,
+    known_point: LocalPosition | None, *, imu: bool, drop_desk: DropDesk | None,
+) -> Agent:  # fmt: skip
+    """Return who follows the wearer; after a kill the post knows better where they stand."""
+    sender, outbox = node.sender(), node.outbox
+    agent = Agent(
+        sender, follower, worn.chosen_method, place, worn=worn.mount,
+        sends_imu=imu, stands_at=known_point, keeps=lambda: outbox.fault is None,
+        drop_desk=drop_desk,
+    )  # fmt: skip
+    if outbox.broken_off and outbox.newest(sender.key(TrackStart)) is not None:
+        _log.warning("goes on where it was broken off: the post knows where they stand")
+        agent.forget_place()
+    return agent
 
 
 def _drop_desk(sender: Sender, daps: int) -> DropDesk | None:
