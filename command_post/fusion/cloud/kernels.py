@@ -1,4 +1,4 @@
-"""The compiled filter: what moves, weighs, sums up and resamples a cloud. Meaning: cloud_plain.py.
+"""The compiled filter: what moves, weighs and sums up a cloud. Meaning: cloud_plain.py.
 
 Every loop over lanes touches one buffer and is free of branches. Sums run lane by lane and only
 then across the lanes, always in the same order, so that they come out alike whatever the width
@@ -18,13 +18,13 @@ from command_post.fusion.cloud.lane_arithmetic import (
     TURN,
     TWO,
     ZERO,
+    across,
     bearing,
     chance,
     even,
     exponential,
     f32,
     gaussian,
-    i32,
     natural_log,
     random_bits,
     sine_cosine,
@@ -80,15 +80,14 @@ from command_post.fusion.cloud.layout import (
     VAR_NE,
     VAR_NN,
     Counts,
-    Indices,
     Keys,
     Lanes,
     Sums,
 )
+from command_post.fusion.cloud.resampling_kernels import resample
 from shared.compiled import compiled
 
-_RESAMPLING = u32(0x9E3779B9)
-_BITS_30, _BITS_24, _TURN_24 = f32(2.0**30), f32(2.0**-24), f32(2.0**-23 * math.pi)
+_BITS_24, _TURN_24 = f32(2.0**-24), f32(2.0**-23 * math.pi)
 _NOTHING_YET = f32(-3e38)
 
 _MOST_AT_ONCE = 5
@@ -118,7 +117,7 @@ def run_steps(
             tie = tie_ends[i]
         _summarise(here, summaries[i])
         if summaries[i, EFFECTIVE] < step[RESAMPLE_BELOW]:
-            _resample(here, spare, step[KEPT_SPREAD], keys[i, 0], keys[i, 1])
+            resample(here, spare, step[KEPT_SPREAD], keys[i, 0], keys[i, 1])
             summaries[i, RESAMPLED] = ONE
             here, spare = spare, here
     return here
@@ -266,7 +265,7 @@ def _summarise(cloud: Lanes, summary: Lanes) -> None:
     _add_up(cloud, sums, peak, north, east)
     totals = np.zeros(_SUMS)
     for row in range(_SUMS):
-        totals[row] = _across(sums[row * LANES : (row + 1) * LANES])
+        totals[row] = across(sums[row * LANES : (row + 1) * LANES])
     log_total = peak + natural_log(f32(totals[0]))
     for block in range(cloud.size // BLOCK):
         o = block * BLOCK + LOG_WEIGHT
@@ -274,19 +273,6 @@ def _summarise(cloud: Lanes, summary: Lanes) -> None:
             cloud[o + lane] -= log_total
     _write_moments(totals, summary, north, east)
     summary[LOG_EVIDENCE] += log_total
-
-
-@compiled
-def _across(sums: Lanes) -> float:
-    """Return the sum of 64 lanes, folded in half time and again; ``sums`` is spoilt."""
-    for lane in range(32):
-        sums[lane] += sums[lane + 32]
-    for lane in range(16):
-        sums[lane] += sums[lane + 16]
-    total = 0.0
-    for lane in range(16):
-        total += sums[lane]
-    return total
 
 
 @compiled
@@ -342,104 +328,3 @@ def _write_moments(totals: Sums, summary: Lanes, north: np.float32, east: np.flo
     summary[MEAN_OFFSET] = bearing(means[8], means[7])
     summary[OFFSET_SD] = math.sqrt(-2.0 * natural_log(f32(min(max(length, 1e-9), 1.0))))
     summary[EFFECTIVE] = whole * whole / totals[1]
-
-
-@compiled
-def _resample(
-    cloud: Lanes,
-    drawn: Lanes,
-    kept: np.float32,
-    key_low: np.uint32,
-    key_high: np.uint32,
-) -> None:
-    """Fill ``drawn`` with particles drawn systematically by weight; all weigh alike."""
-    key_low = u32(key_low ^ _RESAMPLING)
-    count = cloud.size // BLOCK * LANES
-    source = np.empty(count + 2, np.int32)
-    _draw(cloud, drawn, source, random_bits(u32(0xFFFFFFFF), key_low, key_high))
-    for block in range(count // LANES):
-        o = block * BLOCK
-        for lane in range(LANES):
-            taken = source[block * LANES + lane]
-            drawn[o + NORTH + lane] = cloud[taken + NORTH]
-            drawn[o + EAST + lane] = cloud[taken + EAST]
-            drawn[o + OFFSET + lane] = cloud[taken + OFFSET]
-            drawn[o + DRIFT + lane] = cloud[taken + DRIFT]
-            drawn[o + LOG_SCALE + lane] = cloud[taken + LOG_SCALE]
-    _loosen(drawn, kept, key_low, key_high)
-
-
-@compiled
-def _draw(cloud: Lanes, shares: Lanes, source: Indices, bits: np.uint32) -> None:
-    """Write where the particle lies that each new one copies, so that copies go by weight.
-
-    Weights become whole numbers, in ``shares``' log-weights, that no rounding may add up. Along
-    their running sum stand as many marks as particles, evenly, the first by chance. A particle is
-    written to its marks, and to one or two more, which are the next one's to write over.
-    """
-    count = source.size - 2
-    total = 0
-    for block in range(count // LANES):
-        o = block * BLOCK + LOG_WEIGHT
-        for lane in range(LANES):
-            share = i32(exponential(cloud[o + lane]) * _BITS_30)
-            shares[o + lane] = f32(share)
-            total += int(share)
-    spacing = total // count
-    before_first = spacing - ((int(bits) * spacing) >> 32)
-    marks_per_unit = 1.0 / spacing
-    reached = mark = 0
-    for block in range(count // LANES):
-        o = block * BLOCK
-        for lane in range(LANES):
-            source[mark] = source[mark + 1] = o + lane
-            reached += int(shares[o + LOG_WEIGHT + lane])
-            following = min(int((reached + before_first) * marks_per_unit), count)
-            for further in range(mark + 2, following):
-                source[further] = o + lane
-            mark = following
-
-
-@compiled
-def _loosen(cloud: Lanes, kept: np.float32, key_low: np.uint32, key_high: np.uint32) -> None:
-    """Weigh all alike, and let copies differ in drift and scale, which no stride loosens much.
-
-    Each is drawn to the mean by ``kept`` and scattered by what that takes from the spread, so that
-    mean and variance stay (Liu and West 2001, section 10.3).
-    """
-    count = cloud.size // BLOCK * LANES
-    log_weight = -natural_log(f32(count))
-    scatter = f32(math.sqrt(ONE - kept * kept))
-    drift_mean, drift_sd = _mean_and_sd(cloud, DRIFT)
-    scale_mean, scale_sd = _mean_and_sd(cloud, LOG_SCALE)
-    drift_mean, drift_scatter = (ONE - kept) * drift_mean, scatter * drift_sd
-    scale_mean, scale_scatter = (ONE - kept) * scale_mean, scatter * scale_sd
-    for block in range(count // LANES):
-        o = block * BLOCK
-        for lane in range(LANES):
-            counter = u32((block * LANES + lane) * 2)
-            to_drift = gaussian(random_bits(counter, key_low, key_high))
-            to_scale = gaussian(random_bits(u32(counter + u32(1)), key_low, key_high))
-            drift = kept * cloud[o + DRIFT + lane] + drift_mean + drift_scatter * to_drift
-            log_scale = kept * cloud[o + LOG_SCALE + lane] + scale_mean + scale_scatter * to_scale
-            cloud[o + DRIFT + lane], cloud[o + LOG_SCALE + lane] = drift, log_scale
-            cloud[o + SCALE + lane] = exponential(log_scale)
-            cloud[o + LOG_WEIGHT + lane] = log_weight
-            sine, cosine = sine_cosine(cloud[o + OFFSET + lane])
-            cloud[o + SINE + lane], cloud[o + COSINE + lane] = sine, cosine
-
-
-@compiled
-def _mean_and_sd(cloud: Lanes, field: int) -> tuple[np.float32, np.float32]:
-    """Return mean and standard deviation of a field, all particles weighing alike."""
-    sums = np.zeros(2 * LANES, np.float32)
-    blocks = cloud.size // BLOCK
-    for block in range(blocks):
-        o = block * BLOCK + field
-        for lane in range(LANES):
-            value = cloud[o + lane]
-            sums[lane] += value
-            sums[LANES + lane] += value * value
-    mean = _across(sums[:LANES]) / (blocks * LANES)
-    variance = _across(sums[LANES:]) / (blocks * LANES) - mean * mean
-    return f32(mean), f32(math.sqrt(max(variance, 0.0)))

@@ -1,4 +1,4 @@
-"""Random numbers and elementary functions for one lane of a cloud, in single precision.
+"""Random numbers and elementary functions for one lane of a cloud, and the sum across its lanes.
 
 Compilers turn a loop of these over 64 neighbouring numbers into vector code, for they hold nothing
 but sums, products, quotients, square roots and whole-number bits. IEEE 754 rounds those alike in
@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from command_post.fusion.cloud.layout import Lanes
 from shared.compiled import compiled
 
 f32 = np.float32
@@ -167,3 +168,16 @@ def bearing(east: float, north: float) -> float:
     if north < 0.0:
         angle = math.pi - angle
     return angle if east >= 0.0 else -angle
+
+
+@compiled
+def across(sums: Lanes) -> float:
+    """Return the sum of 64 lanes, folded in half time and again; ``sums`` is spoilt."""
+    for lane in range(32):
+        sums[lane] += sums[lane + 32]
+    for lane in range(16):
+        sums[lane] += sums[lane + 16]
+    total = 0.0
+    for lane in range(16):
+        total += sums[lane]
+    return total
