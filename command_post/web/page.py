@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 from command_post.gateways.geojson import Feature, Scene, feature_collection
 from command_post.roster import Roster
@@ -15,6 +16,7 @@ from command_post.ways import Way
 from command_post.web.board import Board, Changes
 from command_post.web.handover import Handover
 from command_post.web.pathfinder import Pathfinder
+from command_post.web.pipe import ALIVE
 from shared.bus.inbox import Inbox
 from shared.codec import encode
 from shared.messages import Message, NodeId
@@ -52,10 +54,14 @@ class Page:
         self._board.show(roster)
         self._paths.show(roster)
 
-    def keep_up(self, stop: threading.Event) -> None:
-        """Take in what was left, although nobody may look, until ``stop`` is set."""
+    def keep_up(self, stop: threading.Event, kept_up: Callable[[], None]) -> None:
+        """Take in what was left, although nobody may look, until ``stop`` is set.
+
+        Calls ``kept_up`` each time that is done.
+        """
         while not stop.wait(KEEP_UP_S):
             self.take_in()
+            kept_up()
 
     def take_in(self) -> None:
         """Take in what was left, at the expense of whoever calls this."""
@@ -112,6 +118,10 @@ class Page:
         """Have the post do what ``name`` asks for in ``message``."""
         key = Key(self._incident, "post", name, _TOPIC_OF[type(message)])
         self._requests.put((str(key), encode(message)))
+
+    def say_alive(self) -> None:
+        """Have the post know that nothing here is stuck."""
+        self._requests.put(ALIVE)
 
     def take_requests(self, timeout_s: float = 0.0) -> list[tuple[str, bytes]]:
         """Return what people have asked for since, as messages under their keys.

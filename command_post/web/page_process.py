@@ -1,7 +1,7 @@
 """The page as the post has it: a process of its own, which is told and asks over one local pipe.
 
 However many watch, and whatever they look for, costs the post nothing but to leave what it says. A
-page that ends by itself is started again, and told what stands.
+page that ends by itself is started again, and told what stands; one that hangs is ended first.
 """
 
 from __future__ import annotations
@@ -10,8 +10,11 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import IO
 
 import msgspec
@@ -21,7 +24,7 @@ from command_post.roster import Roster
 from command_post.web.board import TRAIL_POINTS, TRAIL_SPACING_M
 from command_post.web.handover import MOST_RARE, Handover
 from command_post.web.page import MOST_REQUESTS
-from command_post.web.pipe import Published, Serving, Telling, read, write
+from command_post.web.pipe import ALIVE, Published, Serving, Telling, read, write
 from shared.bus.inbox import Inbox
 from shared.messages import NodeId
 
@@ -30,6 +33,13 @@ TELL_S = 0.02
 
 AGAIN_S = 0.5
 """A page that has ended is started again after so long."""
+
+SIGN_S = 1.0
+"""A page gives a sign of life as often at least, and the post tells it something as often."""
+
+MISSED_SIGNS = 10
+MISSED_AT_FIRST = 60
+"""After so many that did not come it hangs; as it begins it may take longer."""
 
 GRACE_S = 1.5
 """The page has so long to end when the post does."""
@@ -143,7 +153,7 @@ class PageProcess:
         """Have a page, and tell it what there is, until ``stop``."""
         while not self._stop.is_set():
             try:
-                how = f"exit code {self._serve_once()}"
+                how = self._serve_once()
             except OSError as error:
                 how = str(error)
             if not self._stop.is_set():
@@ -160,12 +170,13 @@ class PageProcess:
             # Whoever is stuck in telling it something is let go by this.
             process.kill()
 
-    def _serve_once(self) -> int:
-        """Start a page, tell it what there is while it is there, and return its exit code.
+    def _serve_once(self) -> str:
+        """Start a page, tell it what there is while it is there, and return how it ended.
 
         Raises ``OSError`` where no process can be started.
         """
         ours, theirs = socket.socketpair()
+        signs: SimpleQueue[bool] = SimpleQueue()
         with ours:
             with theirs:
                 process = self._process = subprocess.Popen(
@@ -175,28 +186,58 @@ class PageProcess:
                     pass_fds=(self._serving.listening,),
                     start_new_session=True,
                 )
-            hears = threading.Thread(target=self._hear, args=(ours,), name="page-asks")
-            hears.start()
-            # A page that has ended reads no more: how it ended is told by its exit code.
-            with suppress(OSError), ours.makefile("wb") as pipe:
-                self._tell(process, pipe)
-            with suppress(OSError):
-                ours.shutdown(socket.SHUT_WR)
-            code = process.wait()
-            hears.join()
-        return code
+            with ThreadPoolExecutor(2, thread_name_prefix="page-asks") as threads:
+                heard = threads.submit(self._hear, ours, signs)
+                hung = threads.submit(_end_if_stuck, process, signs)
+                # A page that has ended reads no more: how it ended is told by its exit code.
+                with suppress(OSError), ours.makefile("wb") as pipe:
+                    self._tell(process, pipe)
+                with suppress(OSError):
+                    ours.shutdown(socket.SHUT_WR)
+                code = process.wait()
+        heard.result()
+        return "it hung, and was ended" if hung.result() else f"exit code {code}"
 
     def _tell(self, process: subprocess.Popen[bytes], pipe: IO[bytes]) -> None:
         write(pipe, self._serving)
         with self._left.now() as standing:
             write(pipe, standing.whole())
+        told_s = time.monotonic()
         while not self._stop.wait(TELL_S) and process.poll() is None:
             with self._left.now() as standing:
                 telling = standing.take()
+            if telling is None and time.monotonic() - told_s >= SIGN_S:
+                telling = Telling()
             if telling is not None:
                 write(pipe, telling)
+                told_s = time.monotonic()
 
-    def _hear(self, ours: socket.socket) -> None:
-        with suppress(OSError), ours.makefile("rb") as answers:
-            for asked in read(answers):
-                self._requests.put(_request.decode(asked))
+    def _hear(self, ours: socket.socket, signs: SimpleQueue[bool]) -> None:
+        try:
+            with suppress(OSError), ours.makefile("rb") as answers:
+                for frame in read(answers):
+                    asked = _request.decode(frame)
+                    if asked == ALIVE:
+                        signs.put(True)
+                    else:
+                        self._requests.put(asked)
+        finally:
+            signs.put(False)
+
+
+def _end_if_stuck(process: subprocess.Popen[bytes], signs: SimpleQueue[bool]) -> bool:
+    """Kill a page of which no sign comes any more, and say whether that was so.
+
+    What is counted is how often one was waited for: a post that was stopped itself blames nobody.
+    """
+    missed, most = 0, MISSED_AT_FIRST
+    while missed < most:
+        try:
+            if not signs.get(timeout=SIGN_S):
+                return False
+        except Empty:
+            missed += 1
+        else:
+            missed, most = 0, MISSED_SIGNS
+    process.kill()
+    return True

@@ -19,6 +19,9 @@ _LENGTH = struct.Struct(">I")
 Published: TypeAlias = tuple[str, bytes]
 """A message under its key."""
 
+ALIVE: Published = ("alive", b"")
+"""What the page says instead of a message, again and again, while all of it goes on."""
+
 
 class Serving(msgspec.Struct, frozen=True):
     """What is served, where, and to whom: the first that the page's process is told.
@@ -38,7 +41,10 @@ class Serving(msgspec.Struct, frozen=True):
 
 
 class Telling(msgspec.Struct, frozen=True, array_like=True):
-    """What the post has published since it told last, and the newest roster if there is one."""
+    """What the post has published since it told last, and the newest roster if there is one.
+
+    It is told now and then although there is nothing new: whoever has read it gives a sign of life.
+    """
 
     published: list[Published] = []
     roster: Roster | None = None

@@ -44,13 +44,15 @@ def page_served(
     """Serve a page at ``address`` until the block ends, and give it; ``None`` without an address.
 
     Raises ``OSError`` if nobody can listen there, ``ConfigError`` for people that cannot be read,
-    and ``ValueError`` where one of them goes by the post's name.
+    and ``ValueError`` where one of them goes by the post's name, or for keys that cannot be used.
     """
     if address is None:
         yield None
         return
     named = None if people is None else _named(people, post_id)
     keys = None if bundle is None or address.is_local else _keys(bundle)
+    if keys is not None:
+        keys.check()
     hosts = tuple(LOCAL_NAMES) if address.is_local else ()
     with listening_at(address) as listening:
         page = PageProcess(Serving(incident, post_id, listening.fileno(), hosts, keys, named, plan))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
+import ssl
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
 from typing import NamedTuple, TypeAlias
 
 import structlog
@@ -27,11 +30,26 @@ Ends: TypeAlias = Callable[[], bool]
 """Says whether the server is to stop."""
 
 
+InTurn: TypeAlias = Callable[[Callable[[], None]], None]
+"""Has something done by the thread that serves, when its turn comes."""
+
+
 class ServerKeys(NamedTuple):
     """The files (PEM) of what a server is known by."""
 
     certificate: str
     key: str
+
+    def check(self) -> None:
+        """Raise ``ValueError`` if nothing can be encrypted with them, and say what to do."""
+        try:
+            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(self.certificate, self.key)
+        except OSError as error:
+            why = getattr(error, "reason", None) or error.strerror or str(error)
+            raise ValueError(
+                f"{self.certificate}, {self.key}: the page cannot be encrypted with them ({why}); "
+                "copy the bundle anew"
+            ) from None
 
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -52,13 +70,27 @@ def served(
 @contextmanager
 def serving_on(
     listening: socket.socket, app_of: Callable[[Ends], Starlette], keys: ServerKeys | None
-) -> Iterator[None]:
+) -> Iterator[InTurn]:
     """Serve what ``app_of`` returns to those who come to ``listening``, until the block ends."""
     server = _server(app_of, keys)
-    thread = threading.Thread(target=server.run, args=([listening],), name="page")
+    serving: Future[asyncio.AbstractEventLoop] = Future()
+
+    async def serve() -> None:
+        serving.set_result(asyncio.get_running_loop())
+        await server.serve([listening])
+
+    def run() -> None:
+        with asyncio.Runner(loop_factory=server.config.get_loop_factory()) as runner:
+            runner.run(serve())
+
+    def in_turn(done: Callable[[], None]) -> None:
+        with suppress(RuntimeError):  # It serves no more.
+            serving.result().call_soon_threadsafe(done)
+
+    thread = threading.Thread(target=run, name="page")
     thread.start()
     try:
-        yield
+        yield in_turn
     finally:
         server.should_exit = True
         thread.join()

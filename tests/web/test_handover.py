@@ -16,7 +16,7 @@ from command_post.web.pathfinder import Pathfinder
 from shared.codec import encode
 from shared.messages import Alert
 from shared.units import NS_PER_S
-from tests.waiting import DEADLINE_S, wait_for
+from tests.waiting import DEADLINE_S
 from tests.web.test_board import KEY, track
 
 ALERT_KEY = "clew/v1/test/post/post/alert"
@@ -90,10 +90,11 @@ def test_the_post_does_none_of_the_pages_work(monkeypatch: pytest.MonkeyPatch) -
     for number in range(100):
         page.published(KEY, track(float(number), 1.0))
     assert worked == []
-    stop = threading.Event()
-    keeper = threading.Thread(target=page.keep_up, args=(stop,), name="keeper")
+    stop, kept_up = threading.Event(), threading.Event()
+    keeper = threading.Thread(target=page.keep_up, args=(stop, kept_up.set), name="keeper")
     keeper.start()
-    wait_for(lambda: len(worked) == 100, "what was left to be taken in")
+    assert kept_up.wait(DEADLINE_S), "what was left to be taken in"
+    assert len(worked) == 100
     stop.set()
     keeper.join()
     assert set(worked) == {"keeper"}

@@ -9,29 +9,39 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
+from queue import SimpleQueue
+from typing import TypeAlias
 
 import msgspec
 import pytest
 
 from command_post.listening import Address
 from command_post.roster import Roster
+from command_post.web import page as page_module
 from command_post.web import page_process
+from command_post.web.__main__ import _at_it, _serve
 from command_post.web.board import TRAIL_POINTS, TRAIL_SPACING_M, Board
 from command_post.web.handover import MOST_RARE
+from command_post.web.page import Page
 from command_post.web.page_process import PageProcess, Standing
-from command_post.web.pipe import Telling, read, write
+from command_post.web.pipe import ALIVE, Published, Serving, Telling, read, write
 from command_post.web.server import page_served
+from command_post.web.serving import ServerKeys
+from shared.bus.inbox import Inbox
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import OrderRequest
 from shared.units import NS_PER_S
 from tests.waiting import DEADLINE_S, wait_for
 from tests.web.test_board import KEY, track
 from tests.web.test_handover import ALERT_KEY, alert
+
+Turn: TypeAlias = Callable[[], None]
 
 HOST = "127.0.0.1"
 LEFT_BEHIND = """
@@ -91,6 +101,18 @@ class Visitor:
             assert answer.status == 202
 
 
+class Heard(SimpleQueue[bool]):
+    """Signs of life, which are noted elsewhere as well."""
+
+    def __init__(self, noted: Inbox[bool]) -> None:
+        self._noted = noted
+
+    def put(self, item: bool, block: bool = True, timeout: float | None = None) -> None:
+        """Take in a sign."""
+        super().put(item, block, timeout)
+        self._noted.put(item)
+
+
 def test_the_page_is_told_and_heard_and_comes_again(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -145,17 +167,72 @@ def test_a_page_that_cannot_be_started_is_tried_again(
     assert "no more processes" in capsys.readouterr().out
 
 
-def test_a_page_that_is_stuck_holds_up_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_process, "GRACE_S", 0.05)
-    with shown() as (page, _):
-        wait_for(lambda: page.process_id is not None, "the page")
-        process_id = page.process_id
-        assert process_id is not None
-        os.kill(process_id, signal.SIGSTOP)
+def test_a_page_that_is_stuck_holds_up_nobody_and_is_replaced(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(page_process, "AGAIN_S", 0.0)
+    monkeypatch.setattr(page_process, "SIGN_S", 0.1)
+    monkeypatch.setattr(page_process, "MISSED_AT_FIRST", 10_000)
+    signs = Inbox[bool](1)
+    monkeypatch.setattr(page_process, "SimpleQueue", lambda: Heard(signs))
+    with shown() as (page, port):
+        visitor = Visitor(port)
+        page.show(Roster(5 * NS_PER_S, (), ()))
+        wait_for(lambda: len(signs), "a sign of life")
+        first = page.process_id
+        assert first is not None
+        os.kill(first, signal.SIGSTOP)
         for number in range(20_000):
             page.published(KEY, track(float(number), 1.0))
-        wait_for(lambda: page.waiting, "the pipe to be full")
-    assert not is_there(process_id)
+        wait_for(lambda: page.process_id != first, "the page to be given up")
+        monkeypatch.setattr(page_process, "MISSED_SIGNS", 10_000)
+        wait_for(lambda: "roster" in visitor.sees(), "another to be told")
+        assert not is_there(first)
+    assert "it hung, and was ended" in capsys.readouterr().out
+
+
+def test_a_page_that_gives_signs_of_life_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_process, "SIGN_S", 0.0)
+    with subprocess.Popen(["sleep", "60"]) as process:
+        signs: SimpleQueue[bool] = SimpleQueue()
+        for _ in range(2 * page_process.MISSED_AT_FIRST):
+            signs.put(True)
+        signs.put(False)
+        assert not page_process._end_if_stuck(process, signs)
+        assert process.poll() is None
+        assert page_process._end_if_stuck(process, signs), "none comes any more"
+        assert process.wait(DEADLINE_S) == -signal.SIGKILL
+
+
+def test_a_sign_of_life_goes_through_who_was_told_and_who_serves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(page_module, "KEEP_UP_S", 0.001)
+    page, told, answers, turns = Page("test"), threading.Event(), io.BytesIO(), Inbox[Turn](9)
+    with _at_it(page, answers, told, turns.put):
+        told.set()
+        turn = turns.get(DEADLINE_S)
+        assert turn is not None
+        assert turns.get(0.02) is None, "nothing was told since"
+        assert answers.getvalue() == b""
+        turn()
+        wait_for(answers.getvalue, "the sign")
+    (frame,) = read(io.BytesIO(answers.getvalue()))
+    assert msgspec.msgpack.decode(frame, type=Published) == ALIVE
+
+
+def test_keys_that_cannot_be_used_are_told_of_plainly(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("certificate.pem", "private.key")]
+    keys = ServerKeys(*map(str, files))
+    post, page = socket.socketpair()
+    with post, page, post.makefile("wb") as pipe:
+        write(pipe, Serving("test", "post", post.fileno(), keys=keys))
+        with pytest.raises(ValueError, match=r"cannot be encrypted.*No such file.*copy the bundle"):
+            _serve(page)
+    for file in files:
+        file.write_text("no key")
+    with pytest.raises(ValueError, match=r"certificate\.pem.*cannot be encrypted.*copy the bundle"):
+        keys.check()
 
 
 def test_the_page_goes_with_a_post_that_is_killed() -> None:
