@@ -27,6 +27,10 @@ from shared.topics import Key
 from shared.units import NS_PER_S
 
 Floats: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+
+REST_S = 1.0
+"""Who moves on so long after they were last told of has stood until then."""
 
 Method: TypeAlias = Literal["pdr", "live", "after"]
 _Mark: TypeAlias = tuple[int, int]
@@ -56,6 +60,18 @@ class Track(NamedTuple):
             _columns_at(time_s, self.time_s, self.position_m),
             None if covariance_m2 is None else _columns_at(time_s, self.time_s, covariance_m2),
         )
+
+    def resting(self, places: Ints, until_s: Floats) -> Track:
+        """Return the track with some of its places (k,), ascending, held ``until_s`` (k,)."""
+        each = np.sort(np.concatenate([np.arange(self.time_s.size), places]))
+        time_s = np.insert(self.time_s, places + 1, until_s)
+        covariance_m2 = None if self.covariance_m2 is None else self.covariance_m2[each]
+        regions_m = {
+            k: self.regions_m[place]
+            for k, place in enumerate(each.tolist())
+            if place in self.regions_m
+        }
+        return Track(time_s, self.position_m[each], covariance_m2, regions_m)
 
 
 class Evidence:
@@ -112,13 +128,16 @@ class Evidence:
 
         ``live`` is what the post said of each moment at last, ``after`` what it made of everything
         afterwards; ``pdr`` sums the increments up from the newest start before them, unturned. A
-        responder without a start has no such track.
+        responder without a start has no such track. Both are at rest until the responder moves on.
         """
         if method == "after":
             return self._smoothed or {}
-        if method == "live":
-            return {name: _live_track(said) for name, said in sorted(self._estimates.items())}
-        return {name: self._dead_reckoning(name) for name in sorted(self._starts)}
+        tracks = (
+            {name: _live_track(said) for name, said in sorted(self._estimates.items())}
+            if method == "live"
+            else {name: self._dead_reckoning(name) for name in sorted(self._starts)}
+        )
+        return {name: self._with_rests(name, track) for name, track in tracks.items()}
 
     def responders(self) -> list[str]:
         """Return the ids of all responders of whom there is a track or a truth."""
@@ -183,6 +202,18 @@ class Evidence:
                     place_m = place_m + _step(move)
                     rows[time_ns] = place_m
         return Track(_seconds(rows), np.array(list(rows.values())))
+
+    def _with_rests(self, responder_id: str, track: Track) -> Track:
+        """Return a track of who stood until they moved on, not gone there all the while."""
+        moves = sorted(self._increments.get(responder_id, {}).items())
+        if not moves:
+            return track
+        ends_s = _seconds(mark[0] for mark, _ in moves)
+        begins_s = _seconds(move.start_time_ns for _, move in moves)
+        following = np.searchsorted(ends_s, track.time_s[:-1], side="right")
+        rest_s = begins_s[np.minimum(following, len(moves) - 1)]
+        rested = (rest_s - track.time_s[:-1] > REST_S) & (rest_s < track.time_s[1:])
+        return track.resting(np.flatnonzero(rested), rest_s[rested])
 
 
 def _live_track(said: dict[_Mark, TrackEstimate]) -> Track:

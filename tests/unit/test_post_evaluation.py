@@ -135,7 +135,9 @@ def test_a_new_start_begins_dead_reckoning_again() -> None:
         ("responder", "r1", track_start(5.0, sequence=1)),
         ("responder", "r1", stride(6.0, 0.0, 1.0, sequence=1)),
     ).tracks("pdr")["r1"]
-    np.testing.assert_allclose(track.position_m[:, :2], [(0, 0), (1, 0), (0, 0), (0, 1)])
+    seconds = np.array([0.0, 1.0, 5.0, 6.0]) + at_ns(0.0) / 1e9
+    place_m = track.at(seconds).position_m[:, :2]
+    np.testing.assert_allclose(place_m, [(0, 0), (1, 0), (0, 0), (0, 1)])
 
 
 def test_a_track_that_stops_is_held_to_the_end_of_the_truth() -> None:
@@ -302,3 +304,21 @@ def test_a_key_names_whose_truth_it_is() -> None:
     assert collected.truth("x") is None
     assert collected.responders() == []
     assert collected.dap_truths_m()["x"].tolist() == [1.0, 2.0, 0.0]
+
+
+def test_who_stands_before_a_ride_is_not_on_the_way_all_the_while() -> None:
+    ride = msgspec.structs.replace(
+        stride(30.0, 0.0, 0.0, sequence=2, d_down_m=-3.0), start_time_ns=at_ns(20.0)
+    )
+    role, node_id, told_up = estimate(30.0, "r1", (1.0, 0.0), 2)
+    said = evidence(
+        ("responder", "r1", track_start(0.0)),
+        ("responder", "r1", stride(1.0, 1.0, 0.0, sequence=1)),
+        ("responder", "r1", ride),
+        estimate(1.0, "r1", (1.0, 0.0), 1),
+        (role, node_id, msgspec.structs.replace(told_up, down_m=-2.5)),
+    )
+    seconds = np.array([10.0, 19.0, 25.0]) + at_ns(0.0) / 1e9
+    for tracks, from_m in ((said.tracks("pdr"), 0.0), (said.tracks("live"), 0.5)):
+        down_m = tracks["r1"].at(seconds).position_m[:, 2]
+        np.testing.assert_allclose(down_m, [from_m, from_m, from_m - 1.5], atol=1e-5)

@@ -209,3 +209,19 @@ def test_afterwards_knows_better_than_live() -> None:
     for dap_id, (north_m, east_m) in truth.items():
         place = afterwards.daps[dap_id].position
         assert math.hypot(place.north_m - north_m, place.east_m - east_m) < 3.0
+
+
+def test_afterwards_who_rides_stood_until_the_ride() -> None:
+    tracker = TeamTracker(TeamSettings())
+    tracker.start("r1", track_start(0.0, heading_sd_rad=0.03))
+    for each in range(1, 6):
+        tracker.move("r1", stride(each, 1.0, 0.0, sequence=each))
+    ride = msgspec.structs.replace(
+        stride(30.0, 0.0, 0.0, sequence=6, d_down_m=-3.0), start_time_ns=at_ns(26.0)
+    )
+    tracker.move("r1", ride)
+    track = tracker.afterwards().tracks["r1"]
+    assert (np.diff(track.time_s) > 0.0).all()
+    from_start_s = track.time_s - at_ns(0.0) / NS_PER_S
+    down_m = np.interp([15.0, 25.0, 28.0, 30.0], from_start_s, track.position_m[:, 2])
+    np.testing.assert_allclose(down_m, [0.0, 0.0, -1.5, -3.0], atol=0.02)

@@ -1,4 +1,4 @@
-"""Everybody's whole way, stance by stance, from a solved team (pure)."""
+"""Everybody's whole way, stance by stance and rest by rest, from a solved team (pure)."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solving import Solved
 from shared.units import NS_PER_S
+
+REST_NS = NS_PER_S
+"""Who moves on so long after their last stance has stood there until then."""
 
 
 def smoothed_tracks(
@@ -40,12 +43,26 @@ def smoothed_tracks(
         spread = (1.0 - share) * covariance[own, :3][before] + share * covariance[own, :3][after]
         off_m = heights.node_m[own] - chain.rise[nodes, 0]
         down_m = chain.rise[:, 0] + np.interp(np.arange(chain.time_ns.size), nodes, off_m)
+        time_ns, stance = _with_rests(chain)
         tracks[chain.responder_id] = SmoothedTrack(
-            (chain.time_ns - ahead_ns.get(chain.responder_id, 0)) / NS_PER_S,
-            np.column_stack([place_m, down_m]),
-            spread * settings.covariance_factor,
+            (time_ns - ahead_ns.get(chain.responder_id, 0)) / NS_PER_S,
+            np.column_stack([place_m, down_m])[stance],
+            spread[stance] * settings.covariance_factor,
         )
     return tracks
+
+
+def _with_rests(chain: Chain) -> tuple[Ints, Ints]:
+    """Return the times (k,) at which a way is told, and each one's stance.
+
+    They are those of all stances, and of the end of each rest: who sets out, or rides off in a
+    lift, was until then where they stood.
+    """
+    rested = np.flatnonzero(chain.begin_ns[1:] - chain.time_ns[:-1] > REST_NS)
+    # A new unit begins where nobody knows how its wearer came to be.
+    rested = rested[~np.isin(rested + 1, chain.links)]
+    time_ns = np.insert(chain.time_ns, rested + 1, chain.begin_ns[rested + 1])
+    return time_ns, np.sort(np.concatenate([np.arange(chain.time_ns.size), rested]))
 
 
 def _ways(
