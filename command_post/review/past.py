@@ -1,8 +1,9 @@
 """An incident as the post told it, at any moment of its recording.
 
-What was told is shown as it was: estimates, alerts, where DAPs stand. The roster is no message;
-it is made again by the post's own function of what had been heard and told by then. Not recorded,
-and so not in it, are which nodes held a token and what was turned away at the gate.
+What was told is shown as it was: estimates, alerts, where DAPs stand. The roster is no message, nor
+is where a further DAP would have helped; they are made again by the post's own functions of what
+had been heard and told by then. Not recorded, and so not in it, are which nodes held a token and
+what was turned away at the gate.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from command_post.coverage import Coverage
 from command_post.floors import floors_of
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
@@ -21,14 +23,14 @@ from command_post.incident_settings import IncidentSettings
 from command_post.orders import Orders
 from command_post.review.standing import MADE, RARE, Course, Happened, Standing
 from command_post.review.tracks import Told, TrackBook
-from command_post.roster import ResponderRow, RosterSettings, make_roster
+from command_post.roster import ResponderRow, Roster, RosterSettings, make_roster
 from command_post.roster_json import roster_json
 from command_post.told import LastMovement, RaisedAlarm
 from command_post.web.board import Changes, TrackView, grown, track_view
 from shared.codec import Refusal, decode, parse_key
 from shared.geodesy import Origin
 from shared.mcap_index import IndexedRecording, Series
-from shared.mcap_reader import RecordingError
+from shared.mcap_reader import RecordedMessage, RecordingError
 from shared.messages import (
     AlarmKind,
     Beat,
@@ -56,6 +58,7 @@ class _Placed(msgspec.Struct, gc=False):
     north_m: float
     east_m: float
     down_m: float
+    covariance_m2: tuple[float, float, float]
 
 
 _placed = msgspec.msgpack.Decoder(_Placed)
@@ -90,6 +93,7 @@ class Past:
         self._roster_settings = RosterSettings() if beats else RosterSettings(lost_s=MOST_LOST_S)
         self.course = Course([*self._first_heard(), *self._rare()])
         self._book = TrackBook()
+        self._coverage = Coverage()
         self._lock = Lock()
 
     def read(self) -> Iterator[int]:
@@ -102,6 +106,7 @@ class Past:
                 continue
             place_m = (told.north_m, told.east_m, told.down_m)
             self._book.add(told.responder_id, message.log_time_ns, place_m, spot)
+            self._coverage.take(told, message.log_time_ns)
             if message.log_time_ns > self.read_until_ns:
                 # Others of the same time may follow.
                 self.read_until_ns = message.log_time_ns - 1
@@ -109,13 +114,24 @@ class Past:
         self.read_until_ns = self.end_ns
         yield self.end_ns
 
-    def estimates(self) -> Iterator[TrackEstimate]:
+    def told(self) -> Iterator[RecordedMessage]:
         """Yield all that was told of where anybody is, in the order in which it was told."""
+        series = [each for each, _ in self._of_topic["track", True]]
+        return (message for message, _ in self.recording.located(series))
+
+    def estimates(self) -> Iterator[TrackEstimate]:
+        """Yield the estimates that were told, in their order."""
         keys = dict(self._of_topic["track", True])
-        for message, _ in self.recording.located(keys):
+        for message in self.told():
             track = decode(keys[Series(message.key, outgoing=True)], message.payload)
             if isinstance(track, TrackEstimate):
                 yield track
+
+    def roster(self, at_ns: int) -> Roster:
+        """Return who was where at ``at_ns``."""
+        with self._lock:
+            tracks = self._estimates(self._book.newest(at_ns))
+            return self._roster(tracks, self.course.at(at_ns), at_ns)
 
     def moment(self, at_ns: int) -> Changes:
         """Return all that was shown at ``at_ns``."""
@@ -150,6 +166,26 @@ class Past:
     ) -> tuple[dict[NodeId, TrackView], Changes]:
         """Return everybody's view, and a change that has the roster and the floors."""
         tracks = self._estimates(newest)
+        roster = self._roster(tracks, standing, at_ns)
+        rows = {row.responder_id: row for row in roster.responders}
+        views = {
+            name: _as_shown(track_view(track), rows.get(name), at_ns - newest[name].at_ns)
+            for name, track in tracks.items()
+        }
+        daps = [dap.position for dap in roster.daps if dap.position is not None]
+        downs_m = [view.floor_down_m for view in views.values()]
+        return views, Changes(
+            at_ns,
+            roster=msgspec.Raw(roster_json(roster)),
+            floors=floors_of([*downs_m, *(dap.down_m for dap in daps)]),
+            sites=self._coverage.sites(daps, at_ns),
+            outside=list(standing.outside.values()),
+        )
+
+    def _roster(
+        self, tracks: Mapping[NodeId, TrackEstimate], standing: Standing, at_ns: int
+    ) -> Roster:
+        """Return what the post's own function makes of what was known then."""
         known = _Known(
             estimates={name: _estimate_of(track) for name, track in tracks.items()},
             daps=standing.daps,
@@ -161,18 +197,7 @@ class Past:
             orders=standing.orders,
             standing=standing,
         )
-        roster = make_roster(known, at_ns, self._roster_settings)
-        rows = {row.responder_id: row for row in roster.responders}
-        views = {
-            name: _as_shown(track_view(track), rows.get(name), at_ns - newest[name].at_ns)
-            for name, track in tracks.items()
-        }
-        downs_m = [view.floor_down_m for view in views.values()]
-        downs_m += [dap.position.down_m for dap in roster.daps if dap.position is not None]
-        roster_told = msgspec.Raw(roster_json(roster))
-        outside = list(standing.outside.values())
-        floors = floors_of(downs_m)
-        return views, Changes(at_ns, roster=roster_told, floors=floors, outside=outside)
+        return make_roster(known, at_ns, self._roster_settings)
 
     def _estimates(self, newest: Mapping[NodeId, Told]) -> dict[NodeId, TrackEstimate]:
         key = Key(self.settings.incident, "post", self.settings.post_id, "track")

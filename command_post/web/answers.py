@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from command_post.web.calls import PARAMETERS
+from shared.messages import NodeId
 
 MOST_BODY_BYTES = 65_536
 
@@ -23,6 +24,16 @@ class RefusedError(Exception):
     def __init__(self, status: HTTPStatus, why: str) -> None:
         super().__init__(why)
         self.status = status
+
+
+def no_way_out(responder_id: NodeId) -> RefusedError:
+    """Return the refusal to tell a way that nobody went."""
+    return RefusedError(HTTPStatus.NOT_FOUND, f"no way out of {responder_id} was walked")
+
+
+def no_way_to(responder_id: NodeId) -> RefusedError:
+    """Return the refusal to tell who is soonest where nobody can come."""
+    return RefusedError(HTTPStatus.NOT_FOUND, f"nobody's way to {responder_id} was walked")
 
 
 async def body_of(request: Request, kind: type[T], most_bytes: int = MOST_BODY_BYTES) -> T:

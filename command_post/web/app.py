@@ -25,7 +25,15 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from command_post.plan_images import Plan
-from command_post.web.answers import RefusedError, body_of, json_answer, parameters_of, tell_refusal
+from command_post.web.answers import (
+    RefusedError,
+    body_of,
+    json_answer,
+    no_way_out,
+    no_way_to,
+    parameters_of,
+    tell_refusal,
+)
 from command_post.web.board import Changes
 from command_post.web.calls import (
     CALLS,
@@ -181,7 +189,7 @@ class _Api:
         responder_id = request.path_params["responder_id"]
         way = await asyncio.to_thread(self._site.page.way_out, responder_id)
         if way is None:
-            raise RefusedError(HTTPStatus.NOT_FOUND, f"no way out of {responder_id} was walked")
+            raise no_way_out(responder_id)
         return json_answer(Sent(responder_id, way))
 
     async def rescue(self, request: Request, _: Session) -> Response:
@@ -189,7 +197,7 @@ class _Api:
         responder_id = request.path_params["responder_id"]
         sent = await asyncio.to_thread(self._site.page.rescue, responder_id)
         if sent is None:
-            raise RefusedError(HTTPStatus.NOT_FOUND, f"nobody's way to {responder_id} was walked")
+            raise no_way_to(responder_id)
         return json_answer(Sent(*sent))
 
     async def events(self, request: Request, _: Session) -> Response:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import msgspec
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import Response
@@ -29,16 +30,19 @@ from command_post.plan_images import Plan
 from command_post.review.background import Background
 from command_post.review.past import Past
 from command_post.review.timeline import Timeline, timeline_of
+from command_post.review.ways_then import WaysThen
 from command_post.review.wishes import Wish
 from command_post.web.answers import (
     RefusedError,
     body_of,
     json_answer,
+    no_way_out,
+    no_way_to,
     parameters_of,
     tell_refusal,
 )
 from command_post.web.board import Changes
-from command_post.web.calls import Call, Me, Nothing
+from command_post.web.calls import Call, Me, Nothing, Sent
 from command_post.web.guard import Guard
 from command_post.web.openapi import TOKEN_HEADER, openapi_of
 from command_post.web.people import LOCAL_NAME
@@ -76,7 +80,7 @@ def make_review_app(exhibit: Exhibit, ends: Ends) -> Starlette:
             Mount("/", StaticFiles(directory=str(static), html=True)),
         ],
         middleware=[Middleware(Guard, hosts=LOCAL_NAMES)],
-        exception_handlers={RefusedError: tell_refusal},
+        exception_handlers={RefusedError: tell_refusal, HTTPException: tell_refusal},
     )
 
 
@@ -85,6 +89,7 @@ class _Review:
 
     def __init__(self, exhibit: Exhibit, ends: Ends) -> None:
         self._past = exhibit.past
+        self._ways = WaysThen(exhibit.past)
         self._background = exhibit.background
         self._origin = exhibit.origin or exhibit.past.origin()
         self._ends = ends
@@ -127,8 +132,7 @@ class _Review:
 
     async def moment(self, request: Request) -> Response:
         """Answer all that was shown at ``at_s``, in seconds since the beginning."""
-        at_ns = self._ns(_asked(request, "at_s"))
-        await self._is_read(at_ns)
+        at_ns = await self._then(request)
         return json_answer(await asyncio.to_thread(self._past.moment, at_ns))
 
     async def moments(self, request: Request) -> Response:
@@ -148,6 +152,22 @@ class _Review:
             ]
 
         return json_answer(await asyncio.to_thread(told))
+
+    async def way_out(self, request: Request) -> Response:
+        """Find the way out that somebody had then, along what had been walked."""
+        responder_id, at_ns = request.path_params["responder_id"], await self._then(request)
+        way = await asyncio.to_thread(self._ways.way_out, responder_id, at_ns)
+        if way is None:
+            raise no_way_out(responder_id)
+        return json_answer(Sent(responder_id, way))
+
+    async def rescue(self, request: Request) -> Response:
+        """Find who was soonest with somebody then, and by what way."""
+        responder_id, at_ns = request.path_params["responder_id"], await self._then(request)
+        sent = await asyncio.to_thread(self._ways.rescue, responder_id, at_ns)
+        if sent is None:
+            raise no_way_to(responder_id)
+        return json_answer(Sent(*sent))
 
     async def plan(self, _: Request) -> Response:
         """Tell the building's walls, and where images of it lie."""
@@ -212,6 +232,12 @@ class _Review:
         past = self._past
         length_s = (past.end_ns - past.begin_ns) / NS_PER_S
         return past.begin_ns + round(min(max(at_s, 0.0), length_s) * NS_PER_S)
+
+    async def _then(self, request: Request) -> int:
+        """Return the moment that is asked for, once it can be shown."""
+        at_ns = self._ns(_asked(request, "at_s"))
+        await self._is_read(at_ns)
+        return at_ns
 
     async def _is_read(self, at_ns: int) -> None:
         """Return once the estimates of a moment have been read."""

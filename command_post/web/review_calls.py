@@ -12,7 +12,7 @@ from command_post.plan_view import PlanView
 from command_post.review.timeline import Timeline
 from command_post.review.wishes import Compared, Wish
 from command_post.web.board import Changes
-from command_post.web.calls import Call, Me, Nothing
+from command_post.web.calls import Call, Me, Nothing, Sent
 
 
 class Comparing(msgspec.Struct, frozen=True):
@@ -42,6 +42,10 @@ REVIEW_CALLS: tuple[Call, ...] = (
     Call("moments", "GET", "/moments", "What changed in each of so many steps from there on.", None,
          list[Changes], refuses=(_BAD, _OVER),
          asks={"after_s": float, "step_s": float, "count": int}),
+    Call("way_out", "GET", "/ways/out/{responder_id}", "The way out that had been walked then.",
+         None, Sent, refuses=(_BAD, _MISSING, _OVER), asks={"at_s": float}),
+    Call("rescue", "GET", "/ways/rescue/{responder_id}", "Who was soonest there then, and how.",
+         None, Sent, refuses=(_BAD, _MISSING, _OVER), asks={"at_s": float}),
     Call("plan", "GET", "/plan", "The building's walls, and where images of it lie.", None,
          PlanView),
     Call("plan_image", "GET", "/plan/{number}", "An image of a storey.", None, str,

@@ -12,7 +12,9 @@ import pytest
 from command_post.recording_file import RecordingFile
 from command_post.review.past import Past
 from command_post.review.timeline import timeline_of
+from command_post.review.ways_then import WaysThen
 from command_post.web.board import Board, Changes
+from command_post.web.pathfinder import Pathfinder
 from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import RecordingError, read_recording
 from shared.messages import Alert
@@ -59,12 +61,29 @@ def test_tracks_trails_and_alerts_are_those_the_page_had(
     for each in read_recording(path):
         if each.outgoing and each.log_time_ns <= at(past, after_s):
             board.publish(each.key, each.payload)
+    board.show(past.roster(at(past, after_s)))
     then, told = board.since(0), past.moment(at(past, after_s))
+    assert told.sites == (then.sites or [])
     assert told.trails == then.trails
     assert told.alerts == then.alerts
     shown = {view.responder_id: view for view in told.tracks if view.status != "lost"}
     assert shown == {view.responder_id: view for view in then.tracks if view.responder_id in shown}
     assert shown
+
+
+def test_ways_are_those_the_page_would_have_found(past: Past, path: Path) -> None:
+    ways = WaysThen(past)
+    for after_s in (61.0, 200.0, 25.0):
+        then_ns, live = at(past, after_s), Pathfinder()
+        for each in read_recording(path):
+            if each.outgoing and each.log_time_ns <= then_ns:
+                live.publish(each.key, each.payload)
+        live.show(past.roster(then_ns))
+        for name in ("r1", "r2", "nobody"):
+            assert ways.way_out(name, then_ns) == live.way_out(name)
+            assert ways.rescue(name, then_ns) == live.rescue(name)
+        assert ways.way_out("r1", then_ns) is not None
+    assert past.moment(at(past, 200.0)).sites != past.moment(at(past, 25.0)).sites
 
 
 def test_steps_come_to_the_same_as_going_there_at_once(past: Past) -> None:

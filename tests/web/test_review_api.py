@@ -39,13 +39,15 @@ def test_a_moment_and_what_follows_it_are_told(client: TestClient) -> None:
 
 def test_its_document_tells_of_all_that_is_answered(client: TestClient) -> None:
     document = client.get("/api/v1/openapi.json").json()
+    named_in_paths = {"responder_id": "r1", "number": 0, "ending": "csv"}
     assert set(document["paths"]) == {call.path for call in REVIEW_CALLS}
     asked = {"at_s": ALARM_S, "after_s": 0.0, "step_s": 0.5, "count": 2}
     for call in REVIEW_CALLS:
         operation = document["paths"][call.path][call.method.lower()]
         named = {each["name"]: asked[each["name"]] for each in operation.get("parameters", ())
                  if each["in"] == "query"}  # fmt: skip
-        answer = client.request(call.method, f"/api/v1{call.path}", params=named)
+        path = call.path.format_map(named_in_paths)
+        answer = client.request(call.method, f"/api/v1{path}", params=named)
         assert str(answer.status_code) in operation["responses"], call.path
         if answer.status_code == call.status and call.media_types == ("application/json",):
             told = answer.json()
@@ -53,6 +55,17 @@ def test_its_document_tells_of_all_that_is_answered(client: TestClient) -> None:
                 if each.get("roster") is not None:
                     msgspec.convert(each.pop("roster"), ROSTER)
             msgspec.convert(told, call.gives)
+
+
+def test_a_way_is_one_of_that_time(client: TestClient) -> None:
+    early, late = (
+        client.get("/api/v1/ways/out/r1", params={"at_s": at_s}).json() for at_s in (20.0, 100.0)
+    )
+    assert early["who"] == late["who"] == "r1"
+    assert early["way"] != late["way"]
+    assert client.get("/api/v1/ways/rescue/r1", params={"at_s": 100.0}).json()["who"] != "r1"
+    assert client.get("/api/v1/ways/out/r9", params={"at_s": 100.0}).status_code == 404
+    assert client.get("/api/v1/ways/out/r1").status_code == 400
 
 
 def test_without_a_plan_nothing_is_drawn(client: TestClient) -> None:

@@ -69,8 +69,9 @@ def test_a_recording_is_gone_through(url: str, page: Page) -> None:
     expect(clock).to_have_text("00:01:00 (+0:01:00)")
     expect(alert).to_contain_text("MAYDAY: r2")
     expect(page.locator("#responder-list strong")).to_have_text(["r2", "r1"])
-    for name in ("Evacuate", "Acknowledge: MAYDAY, r2", "Way out: r1"):
+    for name in ("Evacuate", "Acknowledge: MAYDAY, r2", "Send"):
         expect(page.get_by_role("button", name=name, exact=True)).to_have_count(0)
+    words_then = _way_to(page, "r2")
 
     scrub = page.get_by_role("slider", name="Time line")
     scrub.press("ArrowRight")
@@ -79,6 +80,8 @@ def test_a_recording_is_gone_through(url: str, page: Page) -> None:
     assert box is not None
     page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + 0.5 * box["height"])
     expect(clock).to_contain_text("(+0:03:")
+    expect(page.locator("#way-words")).not_to_have_text(words_then)
+    page.get_by_role("button", name="Close").click()
     expect(alert).to_have_count(0)
     scrub.press("Home")
     expect(clock).to_have_text("00:00:00 (+0:00:00)")
@@ -91,6 +94,25 @@ def test_a_recording_is_gone_through(url: str, page: Page) -> None:
     page.get_by_role("button", name="Pause").click()
     expect(page.get_by_role("button", name="Play")).to_be_visible()
 
+    _compare(page)
+    box, line = (page.locator(each).bounding_box() for each in ("#place", "#timeline"))
+    assert box is not None
+    assert line is not None
+    assert box["y"] + box["height"] <= line["y"] + 1, "the map is above the time line"
+    assert {urlsplit(each).netloc for each in watched.asked} == {urlsplit(url).netloc}
+    assert watched.errors == []
+
+
+def _way_to(page: Page, name: str) -> str:
+    page.get_by_role("button", name=f"Rescue: {name}").click()
+    expect(page.locator("#way-title")).to_have_text(f"Rescue {name} ← r1")
+    expect(page.locator("#way-words")).to_contain_text("crawling: ")
+    return page.locator("#way-words").inner_text()
+
+
+def _compare(page: Page) -> None:
+    """See how far off the smoothed ways are, and keep them."""
+    clock, scrub = page.locator("#clock"), page.get_by_role("slider", name="Time line")
     page.locator("#compare summary").click()
     page.locator("#compare-go").click()
     scrub.press("End")
@@ -103,9 +125,3 @@ def test_a_recording_is_gone_through(url: str, page: Page) -> None:
     with page.expect_download() as downloaded:
         page.get_by_role("link", name="KML").click()
     assert downloaded.value.suggested_filename.endswith(".kml")
-    box, line = (page.locator(each).bounding_box() for each in ("#place", "#timeline"))
-    assert box is not None
-    assert line is not None
-    assert box["y"] + box["height"] <= line["y"] + 1, "the map is above the time line"
-    assert {urlsplit(each).netloc for each in watched.asked} == {urlsplit(url).netloc}
-    assert watched.errors == []

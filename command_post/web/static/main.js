@@ -3,7 +3,7 @@ import { Comparison } from "./compare.js";
 import { askAssign, askOrder, askOrigin, askWho, showWay } from "./dialogs.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
-import { showAlerts, showDaps, showFloors, showPeople, wayWords } from "./panels.js";
+import { cutToLegs, showAlerts, showDaps, showFloors, showPeople, wayWords } from "./panels.js";
 import { loadPhrases, told } from "./phrases.js";
 import * as post from "./post.js";
 import { Review } from "./review.js";
@@ -19,6 +19,8 @@ let due = { tracks: false, panels: false, wasPutOff: false };
 let lostSince = null;
 let drawnFirst = false;
 let wayTimer = 0;
+let findAgain = null;
+let waysAsked = 0;
 let review = null;
 let comparison = null;
 const seen = new Set();
@@ -125,26 +127,35 @@ const wayOut = (id) => findWay("way_out", id, post.wayOut);
 const rescue = (id) => findWay("rescue", id, post.rescue);
 
 /** Find a way, and follow whoever goes it: it is found anew every few seconds, until it is closed. */
-async function findWay(name, id, find) {
+function findWay(name, id, find) {
   clearInterval(wayTimer);
-  const again = async () => {
-    try {
-      const { who, way } = await find(id);
-      const words = wayWords(way);
-      const send = may("commander") ? () => post.order("message", [who], `${word(name)} ${id}: ${words}`.slice(0, 200)) : null;
-      view.showWay(way.places_m);
-      showWay(`${word(name)} ${id}${who === id ? "" : ` ← ${who}`}`, words, send, endWay);
-    } catch (error) {
-      view.showWay(null);
-      showWay(`${word(name)} ${id}`, told(error.message), null, endWay);
-    }
-  };
-  await again();
-  wayTimer = setInterval(again, 3000);
+  findAgain = () => showFound(name, id, find);
+  wayTimer = setInterval(findAgain, 3000);
+  return findAgain();
+}
+
+async function showFound(name, id, find) {
+  const asked = waysAsked += 1;
+  let found = null;
+  let words = "";
+  try {
+    found = await find(id, review?.at_s);
+    words = wayWords(found.way);
+  } catch (error) {
+    words = told(error.message);
+  }
+  // Meanwhile it was closed, or another was asked for.
+  if (asked !== waysAsked) return;
+  const title = `${word(name)} ${id}`;
+  const send = found && may("commander") ? () => post.order("message", [found.who], cutToLegs(`${title}: ${words}`)) : null;
+  view.showWay(found ? found.way.places_m : null);
+  showWay(found && found.who !== id ? `${title} ← ${found.who}` : title, words, send, endWay);
 }
 
 function endWay() {
   clearInterval(wayTimer);
+  findAgain = null;
+  waysAsked += 1;
   view.showWay(null);
 }
 
@@ -190,7 +201,7 @@ async function begin() {
 /** Nothing can be ordered in what is past: what would do so is not shown. */
 async function beginReview() {
   document.documentElement.dataset.review = "";
-  review = new Review({ moment: (changes) => { view.clear(); take(changes); }, changes: take });
+  review = new Review({ moment: (changes) => { view.clear(); take(changes); findAgain?.(); }, changes: take });
   showLink();
   await review.begin();
   comparison = new Comparison(model, view, (at_s) => review.seek(at_s), review.begin_ns);

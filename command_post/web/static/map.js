@@ -142,8 +142,9 @@ export class MapView {
 
   /** Where a further DAP would tell most. */
   drawSites() {
-    if (this.#sites === this.#model.sites) return;
-    this.#sites = this.#model.sites;
+    const sites = JSON.stringify(this.#model.sites);
+    if (this.#sites === sites) return;
+    this.#sites = sites;
     this.sources.sites.clear();
     this.sources.sites.addFeatures(this.#model.sites.map((site) => new ol.Feature({ kind: "site",
       id: `+${site.gain_bits} bit`, level: this.#model.floorOf(site.down_m),

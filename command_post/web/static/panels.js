@@ -3,6 +3,7 @@ import { told } from "./phrases.js";
 import { duration, length, word } from "./words.js";
 
 const NS_PER_S = 1e9;
+const MOST_TEXT = 200;
 const $ = (id) => document.getElementById(id);
 
 function element(tag, properties = {}, ...children) {
@@ -171,4 +172,10 @@ export function wayWords(way) {
   const legs = way.legs.map((leg) => `${word(leg.turn)} ${length(leg.length_m)}`);
   return `${length(way.length_m)}, ${duration(way.walk_s)} ${word("walking")}, `
     + `${duration(way.crawl_s)} ${word("crawling")}: ${legs.join("; ")}`;
+}
+
+/** A way's words as long as a message may be: whole legs, as far as they go. */
+export function cutToLegs(words) {
+  if (words.length <= MOST_TEXT) return words;
+  return `${words.slice(0, words.lastIndexOf("; ", MOST_TEXT - 3))}; …`;
 }

@@ -27,8 +27,10 @@ export const turnAlert = (number, stage, assigned_to = null) =>
 export const plan = () => talk("plan");
 export const setOrigin = (origin) => talk("origin", origin);
 
-export const wayOut = (id) => talk(`ways/out/${id}`);
-export const rescue = (id) => talk(`ways/rescue/${id}`);
+/** A way now, or as it was so many seconds after a recording's beginning. */
+export const wayOut = (id, at_s) => talk(`ways/out/${id}${then(at_s)}`);
+export const rescue = (id, at_s) => talk(`ways/rescue/${id}${then(at_s)}`);
+const then = (at_s) => (at_s === undefined ? "" : `?at_s=${at_s}`);
 
 export const timeline = () => talk("timeline");
 /** All that was shown so many seconds after a recording's beginning. */

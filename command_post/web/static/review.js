@@ -27,6 +27,7 @@ export class Review {
   }
 
   get begin_ns() { return this.#line.begin_ns; }
+  get at_s() { return this.#at; }
 
   async begin() {
     $("timeline").hidden = false;
