@@ -17,6 +17,18 @@ from shared.messages import (
     RssiPeak,
     TrackStart,
 )
+from shared.topics import TOPICS, Key
+
+FUSED = frozenset(
+    name
+    for name, topic in TOPICS.items()
+    if topic.message
+    in {
+        TrackStart, OdometryIncrement, ProximityEvent, RssiPeak, DapPeak, Contact, PositionFix,
+        HeightFix, DapInstallation,
+    }
+)  # fmt: skip
+"""The topics whose messages the fusion is given."""
 
 
 class HandingOver:
@@ -77,3 +89,14 @@ def _from_the_dap(responder_id: str, peak: DapPeak) -> RssiPeak:
         event_time_ns=peak.event_time_ns, sequence=peak.sequence, responder_id=responder_id,
         peak_dbm=peak.peak_dbm, width_s=peak.width_s, sample_count=peak.sample_count,
     )  # fmt: skip
+
+
+def is_ones_own(key: Key, message: Message) -> bool:
+    """Say whether a unit that tells a place or a height tells its own."""
+    match message:
+        case PositionFix():
+            return message.responder_id == key.node_id
+        case HeightFix():
+            return (message.node, message.node_id) == (key.role, key.node_id)
+        case _:
+            return True

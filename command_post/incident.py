@@ -10,62 +10,45 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
-from command_post.alert_desk import Known
 from command_post.announcer import Announcer, Outgoing
 from command_post.box_words import box_words
 from command_post.command_desk import CommandDesk
 from command_post.dating import Dating
+from command_post.doubt_watch import DoubtWatch
 from command_post.fusion.dap_map import InstalledDap
-from command_post.fusion.interface import Afterwards, Doubt
+from command_post.fusion.interface import Afterwards
 from command_post.fusion.methods import make_fusion
 from command_post.fusion.time_line import Event, TimeLine
 from command_post.fusion.track import Estimate
-from command_post.handing_over import HandingOver
+from command_post.handing_over import FUSED, HandingOver, is_ones_own
 from command_post.incident_settings import IncidentSettings
 from command_post.lateness import Lateness
 from command_post.node_clock import KnownClock
 from command_post.notices import Notice, Notices, named_in
 from command_post.orders import Orders
 from command_post.senders import Senders
+from command_post.set_aside import SetAside
 from command_post.teams import TeamWatch
 from command_post.told import LastMovement, RaisedAlarm, Told, why_nowhere
 from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
     AlarmKind,
     Alert,
-    Contact,
     DapInstallation,
-    DapPeak,
-    HeightFix,
     Message,
     NodeHealth,
-    OdometryIncrement,
     Order,
-    PositionFix,
-    ProximityEvent,
     Receipt,
-    RssiPeak,
     StationTable,
     Supplies,
-    TrackStart,
 )
 from shared.seal import Seal, read_seal
-from shared.topics import TOPICS, Key, Role
+from shared.topics import Key, Role
 
 __all__ = ["MOST_NODES", "Incident", "IncidentSettings"]
 
 MOST_NODES = 4096
 MOST_KEYS_KNOWN = 16_384
-_FUSED = frozenset(
-    name
-    for name, topic in TOPICS.items()
-    if topic.message
-    in {
-        TrackStart, OdometryIncrement, ProximityEvent, RssiPeak, DapPeak, Contact, PositionFix,
-        HeightFix, DapInstallation,
-    }
-)  # fmt: skip
-
 
 _SAID: dict[type[Message], str] = {Order: "order", Receipt: "receipt", StationTable: "stations"}
 
@@ -95,8 +78,8 @@ class Incident:
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
         self._handing_over = HandingOver(self._tracker)
-        self._doubted: set[tuple[str, Role, str]] = set()
-        self._doubts: tuple[Doubt, ...] = ()
+        self._set_aside = SetAside(self._notices, ("post", settings.post_id))
+        self._doubts = DoubtWatch(self._notices)
         self._announcer = Announcer(settings.incident, settings.post_id)
         self._desk = CommandDesk(settings, self._announcer)
         self._dap_places: dict[str, Outgoing] = {}
@@ -191,17 +174,22 @@ class Incident:
     def faults(self, role: Role, node_id: str, now_ns: int) -> list[str]:
         """Return what is wrong with a node at ``now_ns``, in words.
 
-        That is its clock or its id, and what the fusion doubts of it; of a DAP also what its box
-        said of itself, and that it stands nowhere.
+        That is its clock or its id, what of it could not be handled, and what the fusion doubts of
+        it; of a DAP also what its box said of itself, and that it stands nowhere.
         """
+        node = (role, node_id)
         doubted = [
             f"{doubt.words} ({doubt.certainty:.0%})"
             for doubt in self._tracker.doubts
-            if (doubt.role, doubt.node_id) == (role, node_id)
+            if (doubt.role, doubt.node_id) == node
         ]
-        late = self._lateness.faults((role, node_id), now_ns)
+        late = self._lateness.faults(node, now_ns) + self._set_aside.faults(node, now_ns)
         of_box = self._faults_of_dap(node_id, now_ns) if role == "dap" else []
         return of_box + self._senders.faults(role, node_id, now_ns) + late + doubted
+
+    def remarks(self, now_ns: int) -> list[str]:
+        """Return what could not be handled by ``now_ns`` that is no responder's nor DAP's word."""
+        return self._set_aside.remarks(now_ns)
 
     def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
         silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
@@ -222,7 +210,8 @@ class Incident:
         """Take in bytes received under ``key`` at ``now_ns``; return what is to be published.
 
         What was due before comes first, whether ``pass_time`` was called meanwhile or not.
-        Never raises for what was received. Raw samples, signal strengths and truth are checked
+        Never raises for what was received: what there is no handling is put aside, counted and
+        told of (``SetAside``). Raw samples, signal strengths and truth are checked
         and counted like everything else, and not fused; so is what another post says, but for a
         commander's word of where somebody is.
         """
@@ -231,13 +220,15 @@ class Incident:
         if isinstance(parsed, Refusal):
             self._notices.refuse(parsed.reason, named_in(key), parsed.detail)
         elif parsed.role != "post":
-            made += self._take(parsed, payload, now_ns)
+            with self._set_aside.survived(parsed, "hearing it"):
+                made += self._take(parsed, payload, now_ns)
         elif self._is_own(parsed):
             self._notices.refuse(
                 "not_the_post", parsed.node_id, "somebody else uses this post's keys"
             )
         else:
-            made += self._take_from_post(parsed, payload, now_ns)
+            with self._set_aside.survived(parsed, "hearing it"):
+                made += self._take_from_post(parsed, payload, now_ns)
         return made + self.pass_time(now_ns)
 
     def pass_time(self, now_ns: int) -> list[Outgoing]:
@@ -248,8 +239,12 @@ class Incident:
         made = self._fuse(self._time_line.release(now_ns))
         before_ns = self._lateness.forget_ns(now_ns)
         if before_ns is not None:
-            self._tracker.forget(before_ns)
-        return made + self._desk.pass_time(now_ns)
+            with self._set_aside.passing("forgetting"):
+                self._tracker.forget(before_ns)
+        with self._set_aside.passing("looking who is silent"):
+            made += self._desk.pass_time(now_ns)
+        self._set_aside.tell(now_ns)
+        return made
 
     @property
     def due_ns(self) -> int | None:
@@ -264,15 +259,21 @@ class Incident:
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""
         for event in self._lateness.take_set_aside():
-            self._give(event.key.node_id, event.dated)
-        return self._tracker.afterwards()
+            with self._set_aside.survived(event.key, "fusing it"):
+                self._give(event.key.node_id, event.dated)
+        found = self._tracker.afterwards()
+        self._set_aside.take(self._tracker.take_changes().mishaps)
+        self._set_aside.tell(0)
+        return found
 
     def finish(self, now_ns: int) -> list[Outgoing]:
         """Release everything that is held back; return what is to be published."""
         made = self.pass_time(now_ns)
         for event in self._dating.rest():
             self._put(event, now_ns)
-        return made + self._fuse(self._time_line.release_all())
+        made += self._fuse(self._time_line.release_all())
+        self._set_aside.tell(now_ns)
+        return made
 
     def _is_own(self, key: Key) -> bool:
         """Whether only this post says such things: its table is handled, to be on the record."""
@@ -295,8 +296,9 @@ class Incident:
         if isinstance(message, Refusal):
             self._notices.refuse(message.reason, key.node_id, message.detail)
         elif key.incident == self.settings.incident:
-            if key.topic in _FUSED:
-                self._put(Event(key, message, message.event_time_ns), now_ns)
+            if key.topic in FUSED:
+                with self._set_aside.survived(key, "dating it"):
+                    self._put(Event(key, message, message.event_time_ns), now_ns)
             known = [node_id for role, node_id in self._heard_ns if role == "responder"]
             return self._desk.take(key.node_id, message, known, now_ns)
         return []
@@ -310,7 +312,7 @@ class Incident:
         node = (key.role, key.node_id)
         if key.incident != self.settings.incident:
             self._notices.refuse("foreign_incident", key.node_id, f"of {key.incident!r}")
-        elif not _is_ones_own(key, message):
+        elif not is_ones_own(key, message):
             self._notices.refuse("not_ones_own", key.node_id, "tells where somebody else is")
         elif node not in self._heard_ns and len(self._heard_ns) >= MOST_NODES:
             self._notices.refuse("too_many_nodes", key.node_id, f"{MOST_NODES} are heard already")
@@ -318,7 +320,9 @@ class Incident:
             if key.role == "responder" and node not in self._heard_ns:
                 self._desk.orders.meet(key.node_id)
             self._heard_ns[node] = now_ns
-            self._take_dated(key, message, now_ns, read_seal(payload))
+            # Whatever fails of the one, the other must not miss a mayday for it.
+            with self._set_aside.survived(key, "dating it"):
+                self._take_dated(key, message, now_ns, read_seal(payload))
             return self._desk.hear(node, message, now_ns)
         return []
 
@@ -333,7 +337,7 @@ class Incident:
         if key.role == "responder":
             time_ns = self._senders.time_ns(key.role, key.node_id, message.event_time_ns, seal)
             self._tracker.heard(key.node_id, min(time_ns, now_ns))
-        events = self._dating.date(key, message, now_ns, seal) if key.topic in _FUSED else []
+        events = self._dating.date(key, message, now_ns, seal) if key.topic in FUSED else []
         for event in (*self._dating.dated_by_now(key, now_ns), *events):
             self._put(event, now_ns)
 
@@ -349,49 +353,32 @@ class Incident:
             self._notices.tell("too_late", event.key.node_id, detail)
 
     def _fuse(self, events: list[Event]) -> list[Outgoing]:
-        return [outgoing for event in events for outgoing in self._outcome(event)]
+        made: list[Outgoing] = []
+        for event in events:
+            with self._set_aside.survived(event.key, "fusing it"):
+                for outgoing in self._outcome(event):
+                    made.append(outgoing)  # noqa: PERF402 - what is made before a fault counts
+        return made
 
     def _outcome(self, event: Event) -> Iterator[Outgoing]:
         """Let the tracker have one event, and say what it changed."""
+        time_ns = event.dated.event_time_ns
         self._give(event.key.node_id, event.dated)
-        yield from self._doubted_at(event.dated.event_time_ns)
+        known = self._doubts.changed(self._tracker.doubts)
+        yield from [] if known is None else self._desk.doubt(known, time_ns)
         changes = self._tracker.take_changes()
+        self._set_aside.take(changes.mishaps)
         for responder_id, estimate in changes.estimates:
             yield self._announcer.track(responder_id, estimate)
             left = self._teams.take(responder_id, estimate)
-            yield from self._desk.leave(left, event.dated.event_time_ns)
+            yield from self._desk.leave(left, time_ns)
         for dap_id, dap in changes.daps:
             # The DAP knows its installation by the time that it gave itself.
             said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
             self._dap_places[dap_id] = place = self._announcer.dap_place(dap_id, dap, said_ns)
             yield place
 
-    def _doubted_at(self, time_ns: int) -> list[Outgoing]:
-        """Alert to what the fusion doubts since ``time_ns``."""
-        if self._doubts is self._tracker.doubts:
-            return []
-        self._doubts = self._tracker.doubts
-        for doubt in self._doubts:
-            kind = (doubt.kind, doubt.role, doubt.node_id)
-            if kind not in self._doubted:
-                self._doubted.add(kind)
-                detail = f"{doubt.role}: {doubt.words} ({doubt.certainty:.0%} certain)"
-                self._notices.tell(f"doubt_{doubt.kind}", doubt.node_id, detail)
-        known = [Known(one.kind, one.role, one.node_id, one.words) for one in self._doubts]
-        return self._desk.doubt(known, time_ns)
-
     def _give(self, node_id: str, message: Message) -> None:
         self._handing_over.give(node_id, message)
         if isinstance(message, DapInstallation) and node_id in self._handing_over.nowhere:
             self._dap_places.pop(node_id, None)
-
-
-def _is_ones_own(key: Key, message: Message) -> bool:
-    """Whether a unit that tells a place or a height tells its own."""
-    match message:
-        case PositionFix():
-            return message.responder_id == key.node_id
-        case HeightFix():
-            return (message.node, message.node_id) == (key.role, key.node_id)
-        case _:
-            return True

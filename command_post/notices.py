@@ -14,17 +14,22 @@ UNNAMED = "?"
 
 
 class Notice(NamedTuple):
-    """What is to be told once of a node: a kind of refusal, or what is wrong with it."""
+    """What is to be told once of a node: a kind of refusal, or what is wrong with it.
+
+    ``trace`` is of an exception, where that was a fault of ours.
+    """
 
     reason: str
     node_id: str
     detail: str
+    trace: str = ""
 
 
 class Notices:
     """Keeps what is to be told until it is taken; of refusals the first of a kind and node alone.
 
-    ``refusals`` counts them per (reason, node), ``refused`` in all.
+    ``refusals`` counts them per (reason, node), with what was put aside; ``refused`` those for
+    which the node is to be blamed.
     """
 
     def __init__(self) -> None:
@@ -39,12 +44,19 @@ class Notices:
     def refuse(self, reason: str, node_id: str, detail: str) -> None:
         """Note that something of a node's was not taken."""
         self.refused += 1
+        self._count(reason, node_id, detail)
+
+    def put_aside(self, reason: str, node_id: str, detail: str, trace: str) -> None:
+        """Note that something of a node's could not be handled, and that this is our fault."""
+        self._count(reason, node_id, detail, trace)
+
+    def _count(self, reason: str, node_id: str, detail: str, trace: str = "") -> None:
         kind = (reason, node_id)
         if kind not in self.refusals:
             if len(self.refusals) >= MOST_REFUSAL_KINDS:
                 kind = (reason, UNNAMED)
             if kind not in self.refusals:
-                self._to_tell.append(Notice(*kind, detail[:MOST_DETAIL]))
+                self._to_tell.append(Notice(*kind, detail[:MOST_DETAIL], trace))
         self.refusals[kind] += 1
 
     def take(self) -> list[Notice]:

@@ -12,7 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import structlog
 from msgspec import structs
@@ -21,9 +21,11 @@ from command_post.checkpoint import Checkpoints, Kept, State
 from command_post.company import Company
 from command_post.figures import Figures, by_reason
 from command_post.freshness import NodeWatch
+from command_post.going_on import GoingOn, Guest, Guests
 from command_post.incident import Incident
 from command_post.meanwhile import last_told, telling
 from command_post.metrics import Metrics
+from command_post.notice_log import log_notices
 from command_post.orders import OrderRepeats
 from command_post.post_clock import PostClock
 from command_post.reception import Reception
@@ -79,19 +81,6 @@ class _Heard(NamedTuple):
     came_ns: int
 
 
-class Guest(Protocol):
-    """Somebody at the post who follows what it says, and may ask for something: its page, TAK."""
-
-    def published(self, key_text: str, payload: bytes) -> None:
-        """Take in what the post has published."""
-
-    def show(self, roster: Roster) -> None:
-        """Take in the newest roster."""
-
-    def take_requests(self) -> list[tuple[str, bytes]]:
-        """Return what was asked for since, as messages under their keys."""
-
-
 class Post:
     """Hears an incident over a bus, records it, and says what it makes of it."""
 
@@ -139,7 +128,8 @@ class Post:
         self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
         self._metrics = metrics
-        self._guests = tuple(guests)
+        self._going_on = GoingOn()
+        self._guests = Guests(guests, self._going_on)
         self._strangers = Strangers()
         self._at_links = at_links
         name, post_id = incident.settings.incident, incident.settings.post_id
@@ -201,8 +191,8 @@ class Post:
             has_room=self._has_room,
         )
         at_work = [
-            Thread(target=self._company.greet, args=(stop,), name="greeter"),
-            Thread(target=collector.run, args=(stop,), name="collector"),
+            Thread(target=self._going_on.running, args=(name, run, stop), name=name)
+            for name, run in (("greeter", self._company.greet), ("collector", collector.run))
         ]
         for thread in at_work:
             thread.start()
@@ -217,9 +207,12 @@ class Post:
             self._give_receipts()
             self._keep_state()
             if time.monotonic() >= next_show_s:
-                self._repeat_orders()
-                self._tell_stations(some_came=self._company.tell())
-                self._tell_figures()
+                with self._going_on.survived("repeating orders"):
+                    self._repeat_orders()
+                with self._going_on.survived("telling of the stations"):
+                    self._tell_stations(some_came=self._company.tell())
+                with self._going_on.survived("showing the roster"):
+                    self._tell_figures()
                 next_show_s = time.monotonic() + SHOW_PERIOD_S
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
                 gc.freeze()
@@ -229,7 +222,8 @@ class Post:
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE))
         ended_ns = self._clock.now_ns()
         self._publish(self._recorded.finish(ended_ns))
-        self._show(self.roster(ended_ns))
+        with self._going_on.survived("showing the roster"):
+            self._show(self.roster(ended_ns))
         for thread in at_work:
             thread.join()
         _log.info("refill", counts=dict(collector.counts))
@@ -243,13 +237,15 @@ class Post:
             self._incident, now_ns, RosterSettings(), alive, nodes, self._gate.turned
         )
         fault = self._recorder.status().fault
-        return roster._replace(remarks=(*self._remarks, *(() if fault is None else (fault,))))
+        of_recorder = () if fault is None else (fault,)
+        failed = (*self._incident.remarks(now_ns), *self._going_on.remarks)
+        remarks = (*self._remarks, *of_recorder, *failed)
+        return roster._replace(remarks=remarks)
 
     def _tell_figures(self) -> None:
         roster = self.roster(self._clock.now_ns())
         self._show(roster)
-        for guest in self._guests:
-            guest.show(roster)
+        self._guests.show(roster)
         if self._metrics is not None:
             self._metrics.show(self._figures(roster))
         for stranger in self._strangers.noticed(self._at_links, self._gate.turned):
@@ -312,7 +308,7 @@ class Post:
         # They were taken of each sender in turn.
         for key, payload, came_ns in sorted(messages, key=_came_ns):
             received = Received(key, payload)
-            if self._voice.is_own(received) or not self._reception.lets_in(received):
+            if not self._lets_in(received):
                 continue
             self._clock.heed(key, payload)
             refused = self._incident.refused
@@ -326,32 +322,33 @@ class Post:
             self._note_work(took_s)
             if self._incident.refused > refused:
                 self._reception.blame(received)
-        for notice in self._incident.take_notices():
-            _log.warning(notice.detail, reason=notice.reason, node_id=notice.node_id)
+        log_notices(self._incident.take_notices())
+
+    def _lets_in(self, received: Received) -> bool:
+        with self._going_on.survived("letting somebody in"):
+            return not self._voice.is_own(received) and self._reception.lets_in(received)
+        return False
 
     def _has_room(self) -> bool:
         return len(self._inbox) < MOST_WAITING
 
     def _heed_guests(self) -> None:
         """Do what people ask for: they were let in where they did."""
-        for guest in self._guests:
-            for key, payload in guest.take_requests():
-                self._take_own(key, payload)
+        for key, payload in self._guests.take_requests():
+            self._take_own(key, payload)
 
     def _take_own(self, key: str, payload: bytes) -> None:
         now_ns = self._clock.handled_at_ns(self._clock.now_ns())
         self._publish(self._recorded.handle(key, payload, now_ns))
         if key.endswith("/outside"):
             # What others say is not the post's word, and is shown beside it.
-            for guest in self._guests:
-                guest.published(key, payload)
+            self._guests.published(key, payload)
 
     def _publish(self, outgoing: Sequence[Outgoing]) -> None:
         for key, payload in self._voice.say(outgoing):
             if self._metrics is not None:
                 self._metrics.published(key, payload, self._clock.now_ns())
-            for guest in self._guests:
-                guest.published(key, payload)
+            self._guests.published(key, payload)
 
     def _repeat_orders(self) -> None:
         """Say again what somebody who is alive has not acknowledged."""

@@ -16,6 +16,7 @@ from command_post.evidence import Evidence
 from command_post.fusion.interface import Afterwards, SmoothedTrack
 from command_post.fusion.track_map import TrackMap, map_of
 from command_post.incident import Incident
+from command_post.notice_log import log_faults
 from command_post.plan_file import with_plan
 from command_post.replay import Sides, recorded_settings, replay
 from command_post.review.comparison import tracks_of
@@ -106,7 +107,9 @@ def smoothed(file: Path, plan: Path | None = None, sides: Sides | None = None) -
     fusion = with_plan(settings.fusion, plan)
     incident = Incident(msgspec.structs.replace(settings, fusion=fusion))
     replay(file, incident, sides)
-    return incident.afterwards()
+    found = incident.afterwards()
+    log_faults(incident.take_notices())
+    return found
 
 
 def after_action(found: Afterwards) -> AfterAction:

@@ -14,6 +14,7 @@ from command_post.evaluation.score_card import Score, score
 from command_post.evidence import Evidence
 from command_post.fusion.settings import FusionMethod
 from command_post.incident import Incident
+from command_post.notice_log import log_faults
 from command_post.picture import draw_tracks
 from command_post.replay import Sides, recorded_settings
 from command_post.replay import replay as replay_recording
@@ -59,7 +60,9 @@ def replay(
     sides = Sides(Evidence(), Evidence())
     try:
         told_settings = other_settings(recorded_settings(file), fusion, settings, plan)
-        report = replay_recording(file, Incident(told_settings), sides)
+        incident = Incident(told_settings)
+        report = replay_recording(file, incident, sides)
+        log_faults(incident.take_notices())
     except (RecordingError, ConfigError) as error:
         _log.error(str(error))
         return ExitCode.USAGE

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from command_post.fusion.dap_map import InstalledDap
+from command_post.fusion.mishaps import Mishap
 from command_post.fusion.track import Estimate
 from shared.messages import (
     Contact,
@@ -45,10 +46,11 @@ class Afterwards(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """Estimates and DAPs that an event has changed, by id."""
+    """Estimates and DAPs that an event has changed, by id, and what went wrong with it."""
 
     estimates: list[tuple[str, Estimate]]
     daps: list[tuple[str, InstalledDap]]
+    mishaps: list[Mishap]
 
 
 class Doubt(NamedTuple):

@@ -139,7 +139,7 @@ class Tracker:
         """Return what has changed since this was last asked."""
         estimates, self._changed = sorted(self._changed.items()), {}
         daps, self._changed_daps = sorted(self._changed_daps.items()), {}
-        return Changes(estimates, daps)
+        return Changes(estimates, daps, [])
 
     def afterwards(self) -> None:
         """Return nothing: the published filter does not smooth."""

@@ -15,6 +15,7 @@ from command_post.evidence import Evidence, Track
 from command_post.fusion.interface import Afterwards
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.incident import Incident, IncidentSettings
+from command_post.notice_log import log_faults
 from command_post.plan_file import with_plan
 from command_post.replay import Sides, recorded_settings, replay
 from command_post.review.wishes import Compared, Line, Sources, Wish
@@ -59,6 +60,7 @@ def compare(
     sides, incident = Sides(Evidence(), Evidence()), Incident(settings)
     replay(sources.recording, incident, sides, watch)
     found = incident.afterwards() if wish.way == "smoothed" else None
+    log_faults(incident.take_notices())
     smoothed = {} if found is None else tracks_of(found)
     other = smoothed if wish.way == "smoothed" else sides.now.tracks("live")
     if not other:

@@ -12,7 +12,7 @@ from msgspec import structs
 
 from command_post.announcer import Outgoing
 from command_post.fusion.settings import FusionSettings
-from command_post.fusion.team import commits, lines
+from command_post.fusion.team import commits, lines, making
 from command_post.fusion.team.crews import Crew
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -56,14 +56,14 @@ def told(incident: Incident, said: Iterable[Said]) -> list[Outgoing]:
 def made_of(incident: Incident, said: Said, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Let the incident have it; return when the commits were that this made."""
     times_ns: list[int] = []
-    make = commits._commit
+    make = making.solved_crew
 
     def noted(crew: Crew, log: TeamLog, time_ns: int, *rest: Any) -> Any:
         times_ns.append(time_ns)
         return make(crew, log, time_ns, *rest)
 
     with monkeypatch.context() as patched:
-        patched.setattr(commits, "_commit", noted)
+        patched.setattr(commits, "solved_crew", noted)
         hand(incident, said)
     return times_ns
 
@@ -101,7 +101,7 @@ def test_nor_does_it_while_there_is_no_solution(
     said: list[Said], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Who is never solved is never anchored, and is not kept for ever all the same."""
-    monkeypatch.setattr(commits, "_commit", lambda *_: None)
+    monkeypatch.setattr(commits, "solved_crew", lambda *_: None)
     team = structs.replace(TEAM, horizon_s=10.0, lateness_s=20.0, crew_most=1)
     incident = Incident(IncidentSettings(fusion=FusionSettings(team=team)), keeps_all=False)
     sizes = []

@@ -11,7 +11,7 @@ import pytest
 from msgspec import structs
 
 from command_post.fusion.interface import Afterwards
-from command_post.fusion.team import commits
+from command_post.fusion.team import making
 from command_post.fusion.team.alone import commit_of_crowd
 from command_post.fusion.team.crews import EVERYBODY, Bonds, crews_at
 from command_post.fusion.team.log import ANYWHERE, Installed, TeamLog
@@ -161,7 +161,7 @@ def test_a_late_event_has_only_its_own_crew_solved_again(
         solved.append((time_ns, tuple(log.responders)))
         return commit_of_crowd(log, time_ns, before, settings)
 
-    monkeypatch.setattr(commits, "commit_of_crowd", noted)
+    monkeypatch.setattr(making, "commit_of_crowd", noted)
     moves = [each.message for each in given if each.node_id == "r2-1"]
     old = next(each for each in moves if each.event_time_ns > START_NS + 22 * NS_PER_S)
     late = structs.replace(old, event_time_ns=old.event_time_ns + 1)

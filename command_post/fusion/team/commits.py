@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from command_post.fusion.dap_map import InstalledDap
-from command_post.fusion.team.alone import commit_of_crowd
+from command_post.fusion.mishaps import Mishaps
 from command_post.fusion.team.anchors import anchored, cut
 from command_post.fusion.team.crews import (
     Bonds,
@@ -23,11 +23,10 @@ from command_post.fusion.team.crews import (
     crews_at,
     daps_of_earlier,
 )
+from command_post.fusion.team.culprits import made_without
 from command_post.fusion.team.dap_places import places_of
-from command_post.fusion.team.doubts import examine
-from command_post.fusion.team.height_assembly import Heights, solve_heights, walked_storeys
-from command_post.fusion.team.heights import with_known
 from command_post.fusion.team.log import Installed, TeamLog
+from command_post.fusion.team.making import Commit, Fresh, solved_crew
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import (
     NO_WAYS,
@@ -37,8 +36,6 @@ from command_post.fusion.team.solution import (
     joined,
     overlaid,
 )
-from command_post.fusion.team.solving import Solved, commit
-from command_post.fusion.team.suspicions import supposed
 from shared.units import NS_PER_S
 
 KEPT = 90
@@ -47,27 +44,16 @@ KEPT_ELSEWHERE = 60
 KEYFRAME_EVERY = 30
 """Older periods are kept now and then: an event as late has those between made again."""
 
+SOUGHT_EVERY_S = 300.0
+"""So seldom is it sought again what a crew's commits fail of."""
 
-class Commit(NamedTuple):
-    """A crew as it was solved, where the DAPs stood that it set down, and what it was made of.
 
-    ``made_of`` are the serial numbers of other commits.
-    """
+class _Made(NamedTuple):
+    """A commit's solution, where the DAPs stood that its crew set down, and what is behind it."""
 
-    serial: int
-    crew: Crew
     solution: Solution
     places: Mapping[str, tuple[Installed, ...]]
-    made_of: tuple[int, ...]
-
-
-class Fresh(NamedTuple):
-    """What was solved last of a crew, of which log, and its heights."""
-
-    time_ns: int
-    log: TeamLog
-    solved: Solved
-    heights: Heights
+    fresh: Fresh
 
 
 @dataclass
@@ -110,6 +96,10 @@ class Commits:
         self._made = 0
         self._fresh: Fresh | None = None
         self._keeps_past = True
+        self._sought_ns: dict[str, int] = {}
+        """As of when it was sought last what a crew's commits fail of, by leader."""
+
+        self.mishaps = Mishaps()
         self.until_ns = -1
         """Until when the commits have been made."""
 
@@ -343,22 +333,11 @@ class Commits:
         if made is not None and made.made_of == made_of:
             return 0
         told = {dap_id: each.places[dap_id] for dap_id, each in tellers.items()}
-        log = self._crew_log(number, crew, time_ns, told)
         before = joined([each.solution for each in previous])
-        begin = concerning(before, log)
-        log = cut(log, begin.anchors, time_ns, self._settings)
-        done = _commit(crew, log, time_ns, begin, self._settings)
-        self._fresh = None if done is None else done[1]
+        done = self._made_of_sound(number, crew, time_ns, told, before)
+        self._fresh = None if done is None else done.fresh
         if done is not None:
-            solution, fresh = done
-            solution = anchored(
-                number, fresh.log, fresh.solved, fresh.heights, solution, begin, self._settings,
-                of_crowd=not crew.is_everybody,
-            )  # fmt: skip
-            if not self._keeps_past:
-                solution = solution._replace(past=NO_WAYS)
-            own = {d for d in log.daps if self.crews(number).owner.get(d) == crew.leader}
-            places = places_of(fresh.solved, fresh.heights, own)
+            solution, places = done.solution, done.places
         elif previous:
             # It could not be solved: the one before stands.
             solution = before
@@ -370,26 +349,51 @@ class Commits:
         self._made += 1
         return crew.work
 
+    def _made_of_sound(
+        self, number: int, crew: Crew, time_ns: int, told: Mapping[str, tuple[Installed, ...]],
+        before: Solution,
+    ) -> _Made | None:  # fmt: skip
+        """Return a crew's commit; where it fails, without the event that it fails of."""
 
-def _commit(
-    crew: Crew, log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings
-) -> tuple[Solution, Fresh] | None:
-    """Return a commit's solution, and what is behind it; ``None`` if there is none."""
-    solve = commit if crew.is_everybody else commit_of_crowd
-    solved = solve(supposed(log, before.suspicions), time_ns, before, settings)
-    if solved is None or not solved.is_sound:
-        return None
-    solved, held, examined = examine(
-        log, time_ns, solved, before, settings, of_crowd=not crew.is_everybody
-    )
-    solution = solved.solution(time_ns, solved.tie_scale(settings))._replace(
-        held=held, examined=examined, storeys_m=before.storeys_m
-    )
-    log = supposed(log, solution.suspicions)
-    heights = solve_heights(log, solved.assembled, time_ns, settings)
-    if heights.is_sound:
-        levels_m = walked_storeys(solved.assembled, heights).tolist()
-        if not crew.is_everybody:
-            levels_m = with_known(levels_m, before.storeys_m)
-        solution = solution._replace(storeys_m=tuple(levels_m))
-    return solution, Fresh(time_ns, log, solved, heights)
+        def make(until_ns: int) -> _Made | None:
+            return self._made_as_of(number, crew, until_ns, told, before)
+
+        try:
+            return make(time_ns)
+        except MemoryError:
+            raise
+        except Exception as error:
+            self.mishaps.note(error, f"solving {len(crew.members)} responders")
+        sought_ns = self._sought_ns.get(crew.leader)
+        if sought_ns is not None and abs(time_ns - sought_ns) < SOUGHT_EVERY_S * NS_PER_S:
+            return None
+        self._sought_ns[crew.leader] = time_ns
+        log = self._crew_log(number, crew, time_ns, told)
+        found = made_without(make, self._log, log, before.time_ns, time_ns)
+        if found is None:
+            return None
+        made, culprits = found
+        for role, node_id, words in culprits:
+            self.mishaps.put_aside(f"{words}: nobody could be solved with it", role, node_id)
+        return made
+
+    def _made_as_of(
+        self, number: int, crew: Crew, time_ns: int, told: Mapping[str, tuple[Installed, ...]],
+        before: Solution,
+    ) -> _Made | None:  # fmt: skip
+        """Return a crew as it is solved with all until ``time_ns``; ``None`` if it is not."""
+        log = self._crew_log(number, crew, time_ns, told)
+        begin = concerning(before, log)
+        log = cut(log, begin.anchors, time_ns, self._settings)
+        done = solved_crew(crew, log, time_ns, begin, self._settings)
+        if done is None:
+            return None
+        solution, fresh = done
+        solution = anchored(
+            number, fresh.log, fresh.solved, fresh.heights, solution, begin, self._settings,
+            of_crowd=not crew.is_everybody,
+        )  # fmt: skip
+        if not self._keeps_past:
+            solution = solution._replace(past=NO_WAYS)
+        own = {d for d in log.daps if self.crews(number).owner.get(d) == crew.leader}
+        return _Made(solution, places_of(fresh.solved, fresh.heights, own), fresh)

@@ -78,3 +78,11 @@ def position_of(solved: Solved, heights: Heights, place: int) -> LocalPosition:
         down_m=within(float(heights.place_m[place]), MOST_COORDINATE_M),
         covariance_m2=told_covariance(nn, ne, ee),
     )
+
+
+def apart_m(one: LocalPosition, other: LocalPosition) -> float:
+    """Return how far apart two places are, along the axis where that is most."""
+    return max(
+        abs(one.north_m - other.north_m), abs(one.east_m - other.east_m),
+        abs(one.down_m - other.down_m),
+    )  # fmt: skip

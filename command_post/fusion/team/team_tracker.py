@@ -19,9 +19,9 @@ from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack
 from command_post.fusion.team.agenda import Agenda
 from command_post.fusion.team.anchors import cut, with_past
-from command_post.fusion.team.commits import Commits, Fresh
+from command_post.fusion.team.commits import Commits
 from command_post.fusion.team.crews import EVERYBODY, Bonds, Crew
-from command_post.fusion.team.dap_places import daps_of
+from command_post.fusion.team.dap_places import apart_m, daps_of
 from command_post.fusion.team.doubts import doubts_of
 from command_post.fusion.team.estimates import (
     Pose,
@@ -34,6 +34,7 @@ from command_post.fusion.team.front import cloud_before, told_by_cloud
 from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import END_OF_TIME_NS, Floats, TeamLog
+from command_post.fusion.team.making import Fresh
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution, concerning
@@ -44,7 +45,6 @@ from shared.messages import (
     Contact,
     DapInstallation,
     HeightFix,
-    LocalPosition,
     OdometryIncrement,
     PositionFix,
     ProximityEvent,
@@ -197,7 +197,7 @@ class TeamTracker:
         """Return what events and ticks have changed since this was last asked."""
         estimates, self._changed = sorted(self._changed.items()), {}
         daps, self._changed_daps = sorted(self._changed_daps.items()), {}
-        return Changes(estimates, daps)
+        return Changes(estimates, daps, self._commits.mishaps.take())
 
     def afterwards(self) -> Afterwards:
         """Return everybody's way with all that is known by now, as far as it was not forgotten."""
@@ -208,22 +208,32 @@ class TeamTracker:
         tracks: dict[str, SmoothedTrack] = {}
         daps: dict[str, InstalledDap] = {}
         for crew in self._commits.crews(self._commits.number_at(latest)).crews:
-            heard = self._commits.log_of(crew, latest)
-            before = concerning(self._commits.before(crew, latest), heard)
-            if self._is_whole:
-                before = with_past(before)
-            else:
-                heard = cut(heard, before.anchors, latest, self._settings)
-            log = supposed(heard, before.suspicions)
-            solved = commit(log, latest, before, self._settings)
-            if solved is None or not solved.is_sound:
-                continue
-            heights = solve_heights(log, solved.assembled, latest, self._settings)
-            ahead_ns = clocks_ahead_ns(before.suspicions)
-            tracks |= smoothed_tracks(solved, heights, ahead_ns, self._settings)
-            daps |= self._commits.published(crew, latest, daps_of(log, solved, heights))
-        standing = {dap_id: dap for dap_id, dap in daps.items() if self._log.stands(dap_id)}
-        return Afterwards(tracks, standing)
+            with self._commits.mishaps.survived("solving all afterwards"):
+                ways, places = self._smoothed(crew, latest)
+                tracks |= ways
+                daps |= places
+        return Afterwards(
+            tracks, {name: dap for name, dap in daps.items() if self._log.stands(name)}
+        )
+
+    def _smoothed(
+        self, crew: Crew, latest: int
+    ) -> tuple[dict[str, SmoothedTrack], dict[str, InstalledDap]]:
+        """Return the ways of a crew, and where its DAPs stand, by all that is known."""
+        heard = self._commits.log_of(crew, latest)
+        before = concerning(self._commits.before(crew, latest), heard)
+        if self._is_whole:
+            before = with_past(before)
+        else:
+            heard = cut(heard, before.anchors, latest, self._settings)
+        log = supposed(heard, before.suspicions)
+        solved = commit(log, latest, before, self._settings)
+        if solved is None or not solved.is_sound:
+            return {}, {}
+        heights = solve_heights(log, solved.assembled, latest, self._settings)
+        ahead_ns = clocks_ahead_ns(before.suspicions)
+        tracks = smoothed_tracks(solved, heights, ahead_ns, self._settings)
+        return tracks, self._commits.published(crew, latest, daps_of(log, solved, heights))
 
     def _latest_ns(self) -> int | None:
         times = [
@@ -287,7 +297,8 @@ class TeamTracker:
         """Solve each crew at its last tick before ``time_ns``, unless that is done."""
         if self._log.responders:
             for _, due_ns, crew in self._agenda.due_before(time_ns):
-                self._solve(crew, due_ns)
+                with self._commits.mishaps.survived(f"solving {len(crew.members)} responders"):
+                    self._solve(crew, due_ns)
 
     def _solve(self, crew: Crew, due_ns: int) -> None:
         if self._lines.catch_up(due_ns):
@@ -355,7 +366,7 @@ class TeamTracker:
             if (
                 before is None
                 or before.installed_ns != dap.installed_ns
-                or _apart_m(before.position, dap.position) > MOVED_DAP_M
+                or apart_m(before.position, dap.position) > MOVED_DAP_M
             ):
                 self._told_daps[dap_id] = self._changed_daps[dap_id] = dap
 
@@ -383,10 +394,3 @@ class TeamTracker:
         since = log.moves.messages_after(pose.time_ns)
         heading_rad = log.moves.last_heading_rad
         return told_by_cloud(estimate, cloud, since, heading_rad, responder_id, self._settings)
-
-
-def _apart_m(one: LocalPosition, other: LocalPosition) -> float:
-    return max(
-        abs(one.north_m - other.north_m), abs(one.east_m - other.east_m),
-        abs(one.down_m - other.down_m),
-    )  # fmt: skip
