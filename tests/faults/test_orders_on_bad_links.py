@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from command_post.going_on import Guest
 from command_post.incident import Incident, IncidentSettings
-from command_post.post import Guest, Post
+from command_post.post import Post
 from command_post.recording import Recorder
 from command_post.roster import Roster
 from edge_agent.order_desk import OrderDesk
