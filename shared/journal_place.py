@@ -5,14 +5,9 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, TypeAlias
-
-from cyclopts import Parameter
 
 from shared.messages import NodeId
 from shared.topics import Role
-
-JournalFile: TypeAlias = Annotated[Path | None, Parameter(name="--journal")]
 
 
 def journal_path(named: Path | None, incident: NodeId, role: Role, node_id: NodeId) -> Path:

@@ -71,6 +71,7 @@ def configure_logging(level: LogLevel = "info", *, json: bool = False) -> None:
             processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *_render(json)],
         )
     )
+    handler.set_name("json" if json else "text")
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
     logging.captureWarnings(capture=True)
     structlog.configure(
@@ -83,6 +84,13 @@ def configure_logging(level: LogLevel = "info", *, json: bool = False) -> None:
         logger_factory=structlog.stdlib.LoggerFactory(),
         wrapper_class=structlog.stdlib.BoundLogger,
     )
+
+
+def logging_options() -> tuple[str, str]:
+    """Return how ``configure_logging`` was told to log: the level, and ``text`` or ``json``."""
+    root = logging.getLogger()
+    forms = {handler.get_name() for handler in root.handlers}
+    return logging.getLevelName(root.level).lower(), "json" if "json" in forms else "text"
 
 
 def quieten_logging() -> None:

@@ -30,9 +30,10 @@ from shared.messages import (
     PositionFix,
     SetDownHere,
 )
+from shared.node_options import Insecure, Keys
 from shared.process import ExitCode
 from shared.security.certificates import Identity
-from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.security.opening import local_endpoint, open_keys
 from shared.sender import Sender, Unkept
 from shared.topics import alive_key, check_id
 

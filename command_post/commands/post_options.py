@@ -17,9 +17,10 @@ from command_post.recording_set import Rotation
 from command_post.teams import Teams
 from shared.config import checked, load_toml
 from shared.messages import StationTable
+from shared.node_options import Insecure, Keys
 from shared.security.bundle import Bundle
 from shared.security.certificates import Identity
-from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.security.opening import local_endpoint, open_keys
 from shared.stations import read_stations
 from shared.topics import check_id
 from shared.units import NS_PER_S

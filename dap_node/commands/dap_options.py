@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from dap_node.scanners.accelerometer import IioAccelerometer
-from dap_node.scanners.observation import Motion
-from dap_node.scanners.opening import PLAYED, Playable, open_played
-from dap_node.settings import DapSettings
-from shared.config import load_toml
-from shared.journal_place import JournalFile, journal_path
-from shared.messages import NodeId, StationTable
-from shared.radios.live import SCAN_RATE_HZ, LiveSource
-from shared.radios.opening import open_radios
-from shared.radios.readings import RadioScan
-from shared.security.bundle import Bundle
-from shared.security.certificates import Identity
-from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
-from shared.stations import read_stations
-from shared.topics import Role, check_id
+from shared.node_options import Insecure, JournalFile, Keys
+from shared.radios.live import SCAN_RATE_HZ
 
 
 @Parameter(name="*")
@@ -60,25 +46,6 @@ class DapItself:
     insecure: Insecure = False
     journal: JournalFile = None
 
-    def open_keys(self) -> Bundle | None:
-        """Return the DAP's keys, if it has some. Raises ``ValueError`` for what cannot be used."""
-        check_id(self.incident, "--incident")
-        identity = Identity("dap", check_id(self.dap_id, "--id"))
-        return open_keys(self.keys, identity, insecure=self.insecure)
-
-    def dialled(self, bundle: Bundle | None) -> tuple[str, ...]:
-        """Return whom it dials."""
-        return self.connect or (local_endpoint(bundle),)
-
-    def endpoints(self, bundle: Bundle | None) -> list[str]:
-        """Return where it listens."""
-        return [self.listen or local_endpoint(bundle, port=0)]
-
-    @property
-    def journal_file(self) -> Path:
-        """The file that keeps what is said."""
-        return journal_path(self.journal, self.incident, "dap", self.dap_id)
-
 
 @Parameter(name="*")
 @dataclass(frozen=True)
@@ -111,32 +78,3 @@ class Hearing:
     config: Path | None = None
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1
     accelerometer: str | None = None
-
-    def opened(self, dap_id: NodeId) -> Playable | list[LiveSource[RadioScan | Motion]]:
-        """Return what is heard by; ``ValueError`` or ``OSError`` if it cannot be used."""
-        names = self.source
-        played = open_played(names[0], dap_id, self.seed) if len(names) == 1 else None
-        if played is not None:
-            return played
-        live: list[LiveSource[RadioScan | Motion]] = [
-            *open_radios(names, "--source", PLAYED, self.scan_rate)
-        ]
-        if self.accelerometer is not None:
-            live.append(IioAccelerometer(self.accelerometer))
-        return live
-
-    def settings(self) -> DapSettings:
-        """Return how it is made out who is near. Raises ``ConfigError`` if unreadable."""
-        return load_toml(self.config, DapSettings) if self.config else DapSettings()
-
-    def station_table(self) -> StationTable | None:
-        """Return whose radio is whose, if that is told. Raises ``ConfigError`` if unreadable."""
-        return None if self.stations is None else read_stations(self.stations)
-
-
-def roles_of(bundle: Bundle | None) -> Callable[[str], Role]:
-    """Return who tells a named node's role; of whom nobody has heard it is a responder's."""
-    roles: dict[str, Role] = {}
-    if bundle is not None:
-        roles = {each.id: each.role for each in bundle.nodes.nodes}
-    return lambda node_id: roles.get(node_id, "responder")

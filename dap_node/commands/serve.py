@@ -1,49 +1,20 @@
-"""``dap-node run``: a DAP at work."""
+"""``dap-node run``: from the command line to a DAP at work."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import nullcontext
-from threading import Event
+import json
+import os
+import sys
+from dataclasses import asdict
 from typing import Annotated
 
-import structlog
 from cyclopts import Parameter, validators
 
-from dap_node.box import SWITCHED_OFF, BoxDesk
-from dap_node.commands.dap_options import DapItself, Hearing, roles_of
-from dap_node.kept_standing import KeptStanding
-from dap_node.node import DapNode
-from dap_node.scanners.live import live_observations
-from dap_node.scanners.observation import Observation, SetDown
-from dap_node.scanners.opening import Playable
-from dap_node.self_installation import SelfInstallation
-from shared.bus.interface import Bus
-from shared.bus.refused_links import RefusedLinks
-from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import Clock, PacedClock, SystemClock
-from shared.exercise import await_exercise
-from shared.files import FileHeldError
-from shared.gate import Gate
-from shared.introductions import Introductions
-from shared.kept_stations import KeptStations
-from shared.messages import NodeId
-from shared.node import Node
-from shared.node_time import NodeTime
-from shared.outbox import JournalledOutbox
-from shared.process import (
-    ExitCode,
-    set_by_button,
-    stop_on_signals,
-    stop_with_parent,
-    wait_until,
-)
-from shared.strangers import NOBODY, AtLinks
-from shared.topics import Key, alive_key
+from dap_node.commands.dap_options import DapItself, Hearing
+from dap_node.scanners.opening import is_played
+from shared.process import logging_options
 
-POLL_S = 0.1
-
-_log = structlog.stdlib.get_logger(__name__)
+LEAN = "dap_node.lean_start"
 
 
 def run(
@@ -79,126 +50,16 @@ def run(
         Stop when standard input closes.
 
     """
-    try:
-        incident, dap_id, bundle = itself.incident, itself.dap_id, itself.open_keys()
-        settings, opened, kept = hearing.settings(), hearing.opened(dap_id), itself.journal_file
-        listed = hearing.station_table()
-        with (
-            stop_on_signals() as stop,
-            set_by_button() as button,
-            JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
-            nullcontext() if bundle is None else RefusedLinks() as links,
-            open_zenoh("router", itself.dialled(bundle), itself.endpoints(bundle), bundle) as bus,
-            Introductions(bus, incident, bundle) as introductions,
-        ):
-            if with_parent:
-                stop_with_parent(stop)
-            node = Node(
-                bus, incident, "dap", dap_id, outbox, introductions.signers,
-                PacedClock(SystemClock()), SystemClock().now_ns(), stop,
-            )  # fmt: skip
-            with (
-                NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
-                node.heartbeat(node_time.statement),
-            ):
-                known, place = KeptStations(kept), KeptStanding(kept, incident, dap_id)
-                is_live = not isinstance(opened, Playable)
-                dap = DapNode(
-                    bus, incident, dap_id, settings, outbox=outbox, gate=Gate(node.verifier),
-                    stations=listed or known.load(), keep_stations=known.keep,
-                    keep_place=place.keep if is_live else lambda _: None,
-                    watch=SelfInstallation(notices=by_itself) if is_live else None,
-                    at_links=NOBODY if links is None else AtLinks(links.counts, links.breaches),
-                    role_of=roles_of(bundle),
-                )  # fmt: skip
-                said = place.load() if is_live else _said_before(node)
-                if said is not None:
-                    dap.go_on(said)
-                if isinstance(opened, Playable):
-                    _play(node, dap, opened, None if await_start else speed)
-                else:
-                    follow_live(node, dap, live_observations(opened, node.clock, stop, button))
-                bus.ask_no_more()
-    except (ValueError, OSError, FileHeldError) as error:
-        _log.error(str(error))
-        return ExitCode.FAILURE if isinstance(error, OSError) else ExitCode.USAGE
-    return ExitCode.OK
+    options = asdict(itself) | asdict(hearing)
+    options |= {"speed": speed, "by_itself": by_itself}
+    options |= {"await_start": await_start, "with_parent": with_parent}
+    told = json.dumps(options, default=str)
+    if sys.platform != "win32" and not any(map(is_played, hearing.source)):
+        # This process goes on as one that never had to read a command line: that is 3 MB less.
+        words = [sys.executable, "-m", LEAN, told, *logging_options()]
+        os.execv(sys.executable, words)  # noqa: S606
+    # Here alone, for whoever becomes another process need not load it.
+    from dap_node.at_work import work  # noqa: PLC0415
+    from dap_node.work import Work  # noqa: PLC0415
 
-
-def follow_live(node: Node, dap: DapNode, observations: Iterable[Observation]) -> None:
-    """Hand each observation to the DAP; say what its box is like, and why it goes off at last."""
-    box = BoxDesk(node.sender())
-    why = SWITCHED_OFF
-    try:
-        for observation in observations:
-            dap.take(observation)
-            box.pass_time(observation.time_ns)
-    except Exception as error:
-        why = f"failed: {error}"
-        raise
-    finally:
-        box.go_off(node.clock.now_ns(), why)
-
-
-def _said_before(node: Node) -> bytes | None:
-    """Return what a DAP of an exercise said of its place before it was broken off."""
-    said = node.outbox.newest(str(Key(node.incident, "dap", node.node_id, "installation")))
-    return said if node.outbox.broken_off else None
-
-
-def _play(node: Node, dap: DapNode, scanner: Playable, speed: float | None) -> None:
-    """Follow the scanner from now on at ``speed``; without, from the exercise's start at its own.
-
-    Then stay for those who may need a relay. Who comes to an exercise late follows it from then on.
-    """
-    company = Company(node.bus, node.incident)
-    start_ns = node.clock.now_ns()
-    if speed is None:
-        exercise = await_exercise(node.bus, node.incident, Gate(node.verifier), node.stop)
-        if exercise is None:
-            return
-        start_ns, speed = exercise.event_time_ns, exercise.speed
-    node.clock.run_from(start_ns, speed)
-    observations = scanner.observations(start_ns)
-    if start_ns < node.came_ns:
-        knows_place = dap.stage != "carried"
-        observations = from_then_on(observations, node.clock.now_ns(), is_set_down=knows_place)
-    follow(dap, observations, node.clock, node.stop)
-    company.wait_until_gone(node.stop)
-
-
-def from_then_on(
-    observations: Iterable[Observation], now_ns: int, *, is_set_down: bool
-) -> Iterator[Observation]:
-    """Leave out what was before ``now_ns``, save that the DAP was set down if it does not know."""
-    for observation in observations:
-        known = is_set_down or not isinstance(observation, SetDown)
-        if observation.time_ns >= now_ns or not known:
-            yield observation
-
-
-def follow(node: DapNode, observations: Iterable[Observation], clock: Clock, stop: Event) -> None:
-    """Hand each observation to the node as the clock comes to its time, until ``stop`` is set."""
-    for observation in observations:
-        if not wait_until(clock, observation.time_ns, stop):
-            return
-        node.take(observation)
-
-
-class Company:
-    """The responders of an incident that are alive: their messages may come this way."""
-
-    def __init__(self, bus: Bus, incident: NodeId) -> None:
-        self._alive: set[str] = set()
-        bus.watch_alive(alive_key(incident, "responder", "*"), self._note)
-
-    def wait_until_gone(self, stop: Event) -> None:
-        """Wait until there are none, or until ``stop`` is set."""
-        while self._alive and not stop.wait(POLL_S):
-            pass
-
-    def _note(self, key: str, is_alive: bool) -> None:
-        if is_alive:
-            self._alive.add(key)
-        else:
-            self._alive.discard(key)
+    return work(Work.of_json(told))

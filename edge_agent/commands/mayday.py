@@ -10,7 +10,8 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 
 from edge_agent.mayday_controls import socket_path
-from shared.journal_place import JournalFile, journal_path
+from shared.journal_place import journal_path
+from shared.node_options import JournalFile
 from shared.process import ExitCode
 from shared.topics import check_id
 

@@ -11,9 +11,10 @@ from cyclopts import Parameter
 from shared.bus.zenoh_bus import open_zenoh
 from shared.introductions import Introductions
 from shared.messages import SetDownHere
+from shared.node_options import Insecure, Keys
 from shared.process import ExitCode
 from shared.security.certificates import Identity
-from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.security.opening import local_endpoint, open_keys
 from shared.sender import Sender, Unkept
 from shared.topics import check_id
 

@@ -12,11 +12,12 @@ from edge_agent.commands.prepare import StepScale, Wheelbase
 from edge_agent.mounts.methods import MethodName, MountName, Told, default_method
 from edge_agent.mounts.vehicle import WHEELBASE_M
 from shared.config import checked
-from shared.journal_place import JournalFile, journal_path
+from shared.journal_place import journal_path
 from shared.messages import LocalPosition
+from shared.node_options import Insecure, JournalFile, Keys
 from shared.security.bundle import Bundle
 from shared.security.certificates import Identity
-from shared.security.opening import Insecure, Keys, local_endpoint, open_keys
+from shared.security.opening import local_endpoint, open_keys
 from shared.topics import check_id
 
 

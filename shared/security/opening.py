@@ -5,10 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from pathlib import Path
-from typing import Annotated, TypeAlias
 
 import structlog
-from cyclopts import Parameter
 
 from shared.security.bundle import Bundle, BundleError
 from shared.security.certificates import Identity
@@ -16,9 +14,6 @@ from shared.units import NS_PER_S
 
 PORT = 7447
 SOON_NS = 48 * 3600 * NS_PER_S
-
-Keys: TypeAlias = Annotated[Path | None, Parameter(name="--keys")]
-Insecure: TypeAlias = Annotated[bool, Parameter(name="--insecure", negative="")]
 
 _log = structlog.stdlib.get_logger(__name__)
 

@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from dap_node.commands.serve import LEAN
 from shared.bus.interface import Received
 from shared.bus.zenoh_bus import open_zenoh
+from shared.process import ExitCode
 from shared.radios.nl80211_stations import polled_station
 from shared.radios.station_counters import StationCounters
 from tests.fake_hostapd import FakeHostapd
@@ -40,7 +42,40 @@ def worked_s(process_id: int) -> float:
     return sum(int(task.read_text().split()[0]) for task in tasks) / 1e9
 
 
-def test_a_dap_at_work_is_small(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
+def command_line(folder: Path, keys: Path, post: str) -> list[str]:
+    """Return what runs a DAP that hears by hostapd."""
+    return [
+        sys.executable, "-m", "dap_node", "run", "--id", "dap2", "--incident", "fire",
+        "--keys", str(keys), "--source", f"hostapd:{folder}/wlan0",
+        "--stations", str(folder / "stations.csv"), "--journal", str(folder / "journal"),
+        "--listen", "tls/127.0.0.1:0", "--connect", post,
+    ]  # fmt: skip
+
+
+def with_bluetooth(folder: Path, command: list[str]) -> list[str]:
+    """Return what runs the same with an adapter besides: all that takes is loaded and tried."""
+    (folder / "adapters" / "hci0").mkdir(parents=True)
+    program = f"""
+import os, pathlib, sys
+import dap_node.lean
+with dap_node.lean.doing_without("ssl"):
+    import shared.radios.ble
+shared.radios.ble.ADAPTERS = pathlib.Path({str(folder / "adapters")!r})
+if {LEAN!r} in sys.argv:
+    import {LEAN}
+    sys.argv = sys.argv[-4:]
+    {LEAN}.main()
+import dap_node.__main__
+os.execv = lambda _, words: os.execve(sys.executable, [*sys.orig_argv[:3], *words[2:]], os.environ)
+dap_node.__main__.main()
+"""
+    return [sys.executable, "-c", program, *command[3:], "--source", "ble:hci0"]
+
+
+@pytest.mark.parametrize("hears_bluetooth", [False, True])
+def test_a_dap_at_work_is_small(
+    benchmark: BenchmarkFixture, tmp_path: Path, hears_bluetooth: bool
+) -> None:
     """With keys, linked to a post, 20 stations heard by hostapd five times a second."""
     keys = Keys(tmp_path / "keys", ["post", "dap2"])
     rows = "".join(f"responder,r{n},{address}\n" for n, address in enumerate(ADDRESSES))
@@ -56,12 +91,9 @@ def test_a_dap_at_work_is_small(benchmark: BenchmarkFixture, tmp_path: Path) -> 
         }
         hostapd.busy = True
         post.subscribe("clew/v1/fire/dap/dap2/rssi", heard.append)
-        command = [
-            sys.executable, "-m", "dap_node", "run", "--id", "dap2", "--incident", "fire",
-            "--keys", str(keys["dap2"].folder), "--source", f"hostapd:{tmp_path}/wlan0",
-            "--stations", str(tmp_path / "stations.csv"), "--journal", str(tmp_path / "journal"),
-            "--listen", "tls/127.0.0.1:0", "--connect", post.locators()[0],
-        ]  # fmt: skip
+        command = command_line(tmp_path, keys["dap2"].folder, post.locators()[0])
+        if hears_bluetooth:
+            command = with_bluetooth(tmp_path, command)
         with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
             try:
                 wait_for(lambda: len(heard) > STATIONS, "the first scans")
@@ -73,10 +105,12 @@ def test_a_dap_at_work_is_small(benchmark: BenchmarkFixture, tmp_path: Path) -> 
                 mapped = Path(f"/proc/{process.pid}/maps").read_text()
             finally:
                 process.terminate()
+        assert process.returncode == ExitCode.OK
     benchmark.extra_info |= {"resident_mb": round(resident, 1), "share_of_core": round(share, 4)}
     benchmark(lambda: None)
     assert resident < MOST_RESIDENT_MB
     assert not [name for name in ("scipy", "numpy", "numba", "matplotlib") if name in mapped]
+    assert ("dbus_fast" in mapped) is hears_bluetooth
 
 
 def test_taking_the_kernels_answers_apart(benchmark: BenchmarkFixture) -> None:

@@ -8,8 +8,8 @@ from threading import Event, Thread
 
 import pytest
 
+from dap_node.at_work import Company, follow
 from dap_node.calibration import CalibrationSettings
-from dap_node.commands.serve import Company, follow
 from dap_node.node import DapNode
 from dap_node.proximity import ProximitySettings
 from dap_node.scanners.observation import Motion, Scan, SetDown

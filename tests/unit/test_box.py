@@ -11,8 +11,8 @@ import pytest
 from command_post.box_words import box_words
 from command_post.incident import Incident, IncidentSettings
 from command_post.roster import RosterSettings, make_roster
+from dap_node.at_work import follow_live
 from dap_node.box import PERIOD_NS, Box, BoxDesk, look_at_box
-from dap_node.commands.serve import follow_live
 from dap_node.node import DapNode
 from dap_node.scanners.observation import Observation, Scan
 from shared.bus.memory import MemoryNetwork

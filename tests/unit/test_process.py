@@ -213,7 +213,7 @@ def test_every_program_logs_as_it_is_told(program: str) -> None:
     asked = ["run", "--log", "json", "--log-level", "error", "--id", "no id!", "--insecure"]
     asked += {
         "command_post": [],
-        "dap_node": ["--source", "simulated:corridor"],
+        "dap_node": ["--source", "hostapd:/nowhere"],
         "edge_agent": ["--source", "simulated:corridor"],
     }[program]
     ran = subprocess.run(
