@@ -57,5 +57,5 @@ REVIEW_CALLS: tuple[Call, ...] = (
     Call("compared", "GET", "/comparison/result", "The other ways, and how far off they are.", None,
          Compared, refuses=(_MISSING,)),
     Call("export", "GET", "/export/incident.{ending}", "The recording in another format.", None,
-         str, media_types=tuple(FORMATS.values()), refuses=(_MISSING, _CONFLICT)),
+         str | dict[str, Any], media_types=tuple(FORMATS.values()), refuses=(_MISSING, _CONFLICT)),
 )  # fmt: skip
