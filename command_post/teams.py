@@ -7,7 +7,7 @@ with 95 % are. Those who are lost say nothing of where the team is.
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
 import msgspec
 from msgspec import Meta
@@ -25,10 +25,14 @@ BACK_SHARE = 0.8
 """Who is held to be nearer to one of the team than this share of the limit is with it again."""
 
 
+Crews: TypeAlias = dict[NodeId, tuple[NodeId, ...]]
+"""Who is of which team."""
+
+
 class Teams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Who is of which team; who is ``apart_m`` from all others for ``apart_s`` has left it."""
 
-    teams: dict[NodeId, tuple[NodeId, ...]] = {}
+    teams: Crews = {}
     apart_m: Annotated[float, Meta(gt=0.0, le=1e4)] = 30.0
     apart_s: Annotated[float, Meta(ge=0.0, le=3600.0)] = 30.0
 

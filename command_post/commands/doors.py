@@ -17,6 +17,7 @@ from command_post.going_on import Guest
 from command_post.listening import Address
 from command_post.plan_images import load_plan
 from command_post.starting_origin import StartingOrigin
+from command_post.teams import Crews
 from command_post.web.server import page_address, page_served
 from shared.geodesy import Origin, parse_origin
 from shared.messages import NodeId
@@ -78,18 +79,23 @@ class Doors:
 
     @contextmanager
     def opened(
-        self, incident: NodeId, post_id: NodeId, bundle: Bundle | None, plan: Path | None = None
+        self,
+        incident: NodeId,
+        post_id: NodeId,
+        bundle: Bundle | None,
+        plan: Path | None = None,
+        teams: Crews | None = None,
     ) -> Iterator[tuple[Guest, ...]]:
         """Give who is to be told of what the post says, and hear them, until the block ends.
 
-        The page draws the walls in ``plan``, where it can be used.
+        The page draws the walls in ``plan``, where it can be used, and orders ``teams`` at once.
 
         Raises ``ValueError`` for options that cannot be used, ``OSError`` where nobody can listen.
         """
         address, place = self._address(bundle), self.place
         drawn = load_plan(plan, self.plan_image)
         with (
-            page_served(address, incident, post_id, bundle, self.people, drawn) as page,
+            page_served(address, incident, post_id, bundle, self.people, drawn, teams) as page,
             linked_to_tak(self._server, incident, place) as link,
             foxglove_served(self._foxglove_address(), incident, place) as door,
         ):

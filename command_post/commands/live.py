@@ -115,7 +115,9 @@ def run(
                 _recorded(keeping, settings, mirror) as recorder,
                 _shown(table) as show,
                 told(address, bundle) as figures,
-                doors.opened(itself.incident, itself.post_id, bundle, fusing.plan) as guests,
+                doors.opened(
+                    itself.incident, itself.post_id, bundle, fusing.plan, settings.teams.teams
+                ) as guests,
             ):
                 state, part = checkpoint_path(keeping.record), recorder.unfinished
                 kept = None if part is None else load(state, part, settings)

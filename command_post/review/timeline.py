@@ -144,7 +144,7 @@ def _of_order(
     steps += [
         Step(_since(each.at_ns, begin_ns), reply.stage, each.key.node_id) for each, reply in replies
     ]
-    told = [request.text, f"to {', '.join(request.to) or 'everybody'}", refused]
+    told = [request.text, f"to: {', '.join(request.to) or 'everybody'}", refused]
     words = "; ".join(each for each in told if each)
     done = {step.by for step in steps if step.stage == "acknowledged"}
     waited_for = () if answer is None or request.kind == "withdraw" else answer.waited_for

@@ -90,6 +90,7 @@ def _site(serving: Serving, page: Page) -> Site:
         serving.incident, serving.post_id, page,
         None if serving.people is None else Door(serving.people, time.monotonic()),
         secure=serving.keys is not None, hosts=frozenset(serving.hosts), plan=serving.plan,
+        teams=serving.teams,
     )  # fmt: skip
 
 

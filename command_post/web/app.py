@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import suppress
 from http import HTTPStatus
 from importlib.resources import files
+from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
 import msgspec
@@ -75,7 +76,7 @@ class Site(NamedTuple):
     """What a page is about, and who may come in; without a ``door`` nobody needs to sign in.
 
     ``secure``: it is served encrypted. ``hosts``: the names it goes by; empty for any.
-    ``plan``: what is drawn beneath the map.
+    ``plan``: what is drawn beneath the map. ``teams``: who is of which, and can be ordered at once.
     """
 
     incident: NodeId
@@ -85,6 +86,7 @@ class Site(NamedTuple):
     secure: bool
     hosts: frozenset[str]
     plan: Plan = Plan()
+    teams: Mapping[NodeId, tuple[NodeId, ...]] = MappingProxyType({})
 
 
 def make_app(site: Site, ends: Callable[[], bool]) -> Starlette:
@@ -143,6 +145,7 @@ class _Api:
         me = Me(self._site.incident, self._site.post_id)
         if session is not None:
             me.name, me.role, me.token = session.name, session.role, session.token
+            me.teams = dict(self._site.teams)
         return json_answer(me)
 
     async def sign_in(self, _: Request, __: Session | None, given: SignIn) -> Response:

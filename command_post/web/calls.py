@@ -15,6 +15,7 @@ import msgspec
 from msgspec import Meta
 
 from command_post.plan_view import PlanView
+from command_post.teams import Crews
 from command_post.ways import Way
 from command_post.web.board import Changes
 from command_post.web.people import Role
@@ -67,7 +68,7 @@ class OriginBody(msgspec.Struct, forbid_unknown_fields=True):
 class Me(msgspec.Struct, omit_defaults=True):
     """Which incident and post this is, and who one is, if one has signed in.
 
-    ``review``: it is past, and there is nothing to be done.
+    ``review``: it is past, and there is nothing to be done. ``teams`` are who is of which.
     """
 
     incident: NodeId
@@ -76,6 +77,7 @@ class Me(msgspec.Struct, omit_defaults=True):
     role: Role | None = None
     token: str | None = None
     review: bool = False
+    teams: Crews = {}
 
 
 class SignedIn(msgspec.Struct, omit_defaults=True):

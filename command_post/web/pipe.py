@@ -10,6 +10,7 @@ import msgspec
 
 from command_post.plan_images import Plan
 from command_post.roster import Roster
+from command_post.teams import Crews
 from command_post.web.people import Person
 from command_post.web.serving import ServerKeys
 from shared.messages import NodeId
@@ -38,6 +39,7 @@ class Serving(msgspec.Struct, frozen=True):
     keys: ServerKeys | None = None
     people: dict[NodeId, Person] | None = None
     plan: Plan = Plan()
+    teams: Crews = {}
 
 
 class Telling(msgspec.Struct, frozen=True, array_like=True):

@@ -9,6 +9,7 @@ from pathlib import Path
 from command_post.gateways.at_work import at_work
 from command_post.listening import Address, listening_address
 from command_post.plan_images import Plan
+from command_post.teams import Crews
 from command_post.web.page_process import PageProcess
 from command_post.web.people import LOCAL_NAME, Person, load_people
 from command_post.web.pipe import Serving
@@ -40,6 +41,7 @@ def page_served(
     bundle: Bundle | None,
     people: Path | None,
     plan: Plan = Plan(),  # noqa: B008 - it is immutable
+    teams: Crews | None = None,
 ) -> Iterator[PageProcess | None]:
     """Serve a page at ``address`` until the block ends, and give it; ``None`` without an address.
 
@@ -55,7 +57,9 @@ def page_served(
         keys.check()
     hosts = tuple(LOCAL_NAMES) if address.is_local else ()
     with listening_at(address) as listening:
-        page = PageProcess(Serving(incident, post_id, listening.fileno(), hosts, keys, named, plan))
+        page = PageProcess(
+            Serving(incident, post_id, listening.fileno(), hosts, keys, named, plan, teams or {})
+        )
         told_where(listening, address, keys)
         with at_work(page, "page"):
             yield page

@@ -2,35 +2,48 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 from collections.abc import Iterator
 from importlib.resources import files
+from pathlib import Path
 from types import MappingProxyType
+from typing import get_args
 
 import pytest
 
+from command_post import orders
 from command_post.alert_desk import AlertDesk, Known
 from command_post.box_words import box_words
-from command_post.roster import _ACTIVITIES, _DOUBTFUL
+from command_post.coverage import Coverage
+from command_post.review.past import _Placed
+from command_post.roster import _ACTIVITIES, _DOUBTFUL, DapStatus, ResponderStatus
 from command_post.supplies import air_words, why_silent
 from command_post.teams import Left
 from command_post.told import why_nowhere
+from command_post.ways import Turn
+from command_post.web import app
 from edge_agent.agent import NOT_KEPT
 from edge_agent.alarms import AlarmWatch
 from shared.codec import Refusal, decode, parse_key
 from shared.mcap_reader import read_recording
 from shared.messages import (
     Alarm,
+    AlertKind,
+    AlertStage,
     Beat,
     DapInstallation,
     DapState,
     ImuSample,
+    LocalPosition,
     Mayday,
     NodeHealth,
+    OrderKind,
     OutsideWord,
     Supplies,
     TrackEstimate,
+    TrackStatus,
 )
 from shared.strangers import LINK_WORDS, WORDS, AtLinks, Strangers
 from tests.replay.renew_recordings import RECORDINGS
@@ -149,7 +162,71 @@ def recorded() -> Iterator[str]:
                     yield from findings
 
 
+def refusals() -> Iterator[str]:
+    """Yield what the page and the orders refuse with, a word in the place of each value."""
+    rooms = [*Path(app.__file__).parent.glob("*.py"), Path(orders.__file__)]
+    for called in (node for room in rooms for node in ast.walk(ast.parse(room.read_text()))):
+        match called:
+            case ast.Call(func=ast.Name("RefusedError"), args=[_, words]):
+                yield from _written(words)
+            case ast.Assign(targets=[ast.Name("why")], value=words) | ast.Return(value=words):
+                yield from _written(words)
+
+
+def _written(words: ast.expr | None) -> Iterator[str]:
+    match words:
+        case ast.Constant(value=str(text)) if " " in text:
+            yield text
+        case ast.JoinedStr(values=parts):
+            told = "".join(
+                str(each.value) if isinstance(each, ast.Constant) else "x" for each in parts
+            )
+            if " " in told:
+                yield told
+
+
+def past() -> Iterator[str]:
+    """Yield what a time line and advice say."""
+    yield from ("the post was not at work", "nothing was received", "to: everybody", "to: r1, r2")
+    coverage = Coverage()
+    for name in ("r1", "r2"):
+        coverage.take(_Placed(name, 0.0, 0.0, 0.0, (9.0, 0.0, 9.0)))
+    beside = LocalPosition(north_m=0.0, east_m=20.0, down_m=0.0, covariance_m2=(1.0, 0.0, 1.0))
+    yield from (site.reason for daps in ([], [beside]) for site in coverage.sites(daps))
+
+
+def _names(literal: object) -> Iterator[str]:
+    for each in get_args(literal):
+        yield from (each,) if isinstance(each, str) else _names(each)
+
+
+def test_the_words_of_the_page_are_there_in_both_languages() -> None:
+    static = files("command_post.web") / "static"
+    written = (static / "words.js").read_text(encoding="utf-8")
+    of = {}
+    for language in ("en", "ko"):
+        block = written.partition(f"  {language}: {{")[2].partition("\n  },")[0]
+        of[language] = dict(re.findall(r'(\w+): "([^"]*)"', block))
+    english, korean = of["en"], of["ko"]
+    assert english.keys() == korean.keys()
+    foreign = {name for name, text in korean.items() if not re.search("[가-힣]", text)}
+    assert foreign == {"units", "language", "off_p95"}
+    for name, text in english.items():
+        assert sorted(PARAMETER.findall(text)) == sorted(PARAMETER.findall(korean[name]))
+    page = (static / "index.html").read_text(encoding="utf-8")
+    scripts = [
+        each.read_text(encoding="utf-8") for each in static.iterdir() if each.name.endswith(".js")
+    ]
+    used = re.findall(r'data-(?:word|label)="(\w+)"', page)
+    used += re.findall(r'\b(?:word|counted)\("(\w+)"', "".join(scripts))
+    assert set(used) <= english.keys()
+    told = (AlertKind, OrderKind, TrackStatus, Turn, ResponderStatus, DapStatus, AlertStage)
+    kinds = {name for each in told for name in _names(each)}
+    assert kinds <= english.keys(), "what is said by a word of its own"
+
+
 def test_all_that_is_said_can_be_said_in_another_language() -> None:
     said = {*alerted(), *boxes(), *strangers(), *alarms(), *recorded(), *_ACTIVITIES.values()}
+    said |= {*refusals(), *past()}
     assert {each for each in said if not reads(each)} == set()
     assert len(said) > 40

@@ -38,9 +38,11 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     build_machine_code()
     folder = tmp_path_factory.mktemp("page")
     endpoint, log = free_endpoint(), folder / "post.log"
+    teams = folder / "teams.toml"
+    teams.write_text('[teams]\nalpha = ["r1"]\nbravo = ["r9"]\n')
     common = ("--insecure", "--incident", "test")
     post = (*common, "--listen", endpoint, "--record", str(folder / "incident.mcap"),
-            "--page", "127.0.0.1:0")  # fmt: skip
+            "--page", "127.0.0.1:0", "--teams", str(teams))  # fmt: skip
     walk = (*common, "--connect", endpoint, "--id", "r1", "--source", "simulated:four_daps",
             "--journal", str(folder / "r1.journal"), "--no-imu")  # fmt: skip
     python = (sys.executable, "-m")
@@ -89,6 +91,12 @@ SHOWN = """() => [...document.querySelectorAll("button, [role=tab]")]
 """What can be pressed, all at one moment: rows come and go."""
 
 
+WRITTEN = """() => [...document.querySelectorAll("body *")].flatMap((one) => [
+  ...[...one.childNodes].filter((it) => it.nodeName === "#text").map((it) => it.data.trim()),
+  one.title, one.ariaLabel, one.placeholder].filter(Boolean))"""
+"""All that stands in the page, seen or read out."""
+
+
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 def test_all_is_in_its_place_and_nobody_else_is_asked(
     running: Running, browser: Browser, size: tuple[int, int]
@@ -120,11 +128,15 @@ def test_floors_units_and_language_are_chosen(running: Running, browser: Browser
     expect(page.locator("#responder-list .sure")).to_contain_text(" m")
     page.get_by_role("button", name="m / ft").click()
     expect(page.locator("#responder-list .sure")).to_contain_text(" ft")
+    expect(page.locator(".ol-scale-line")).to_contain_text("ft")
     page.get_by_role("button", name="한국어").click()
     expect(page.get_by_role("button", name="대피")).to_be_visible()
     expect(page.locator("html")).to_have_attribute("lang", "ko")
-    # What the post says of reasons, too, in whole.
+    # What the post says of reasons, too, in whole, and what stands in dialogs.
     expect(page.locator("#responder-list .why").first).to_have_text(re.compile("^[^A-Za-z]+$"))
+    written = {each.removesuffix(" ft") for each in page.evaluate(WRITTEN)}
+    english = {each for each in written if re.search("[A-Za-z]{2}", each)}
+    assert english <= {"test", "m / ft", "English", "CSV", "GeoJSON", "KML"}
     assert watched.errors == []
     page.close()
 
@@ -154,6 +166,13 @@ def test_an_evacuation_is_ordered_by_keyboard_and_acknowledged(
             break
     keys.press("Enter")
     expect(page.get_by_role("dialog", name="Evacuate")).to_be_visible()
+    everybody, alone = page.get_by_label("Everybody"), page.get_by_label("r1", exact=True)
+    expect(page.get_by_label("Team bravo")).to_be_disabled()
+    page.get_by_label("Team alpha").press("Space")
+    expect(alone).to_be_checked()
+    expect(everybody).not_to_be_checked()
+    everybody.press("Space")
+    expect(alone).not_to_be_checked()
     # Everybody is ticked already: on to the text, and to the button behind it.
     while page.evaluate("document.activeElement.id") != "order-text":
         keys.press("Tab")
@@ -163,11 +182,37 @@ def test_an_evacuation_is_ordered_by_keyboard_and_acknowledged(
     expect(page.get_by_role("dialog")).not_to_be_visible()
     orders = page.locator("#responder-list .why", has_text="Evacuate")
     expect(orders).to_have_text("Evacuate: has received")
-    expect(page.locator("#remarks")).to_contain_text("r1")
+    waiting = "Evacuate: 0 of 1 have acknowledged, waiting for r1"
+    expect(page.locator("#remarks")).to_have_text(waiting)
+    expect(page.get_by_role("button", name="Withdraw")).to_be_visible()
     running.agent.send_signal(signal.SIGUSR1)
     expect(orders).to_have_count(0)
     expect(page.locator("#remarks")).to_have_text("")
     assert watched.errors == []
+    page.close()
+
+
+ORDER = """async () => {
+  const me = await (await fetch("api/v1/me")).json();
+  const headers = { "Content-Type": "application/json", "X-Clew-Token": me.token };
+  const body = JSON.stringify({ kind: "roll_call", to: ["r9"] });
+  await fetch("api/v1/orders", { method: "POST", headers, body });
+}"""
+
+
+def test_a_refusal_is_seen_and_a_page_that_is_turned_away_comes_again(
+    running: Running, browser: Browser
+) -> None:
+    page = browser.new_page(viewport={"width": 1024, "height": 768})
+    expect.set_options(timeout=PATIENCE_MS)
+    page.route("**/api/v1/events", lambda route: route.fulfill(status=503), times=1)
+    page.goto(running.url)
+    expect(page.locator("#link")).to_contain_text("no link")
+    expect(page.locator("#link")).to_have_text("live")
+    page.evaluate(ORDER)
+    expect(page.locator("#notice")).to_contain_text("The post refuses: r9: not heard so far")
+    page.locator("#notice").click()
+    expect(page.locator("#notice")).to_be_hidden()
     page.close()
 
 

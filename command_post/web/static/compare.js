@@ -1,5 +1,6 @@
 // A recording compared with what else could have been made of it: a second line, and how far it is off.
 /* global ol */
+import { told } from "./phrases.js";
 import * as post from "./post.js";
 import { length, word } from "./words.js";
 
@@ -66,17 +67,17 @@ export class Comparison {
       await post.compare(wish);
       this.#await();
     } catch (error) {
-      $("compare-state").textContent = `${word("refused")} ${error.message}`;
+      $("compare-state").textContent = `${word("refused")} ${told(error.message)}`;
     }
   }
 
   async #await() {
-    const told = await post.comparison();
-    $("compare-progress").hidden = told.is_done;
-    $("compare-progress").value = told.share;
-    $("compare-state").textContent = told.failed ?? (told.is_done ? "" : word("comparing"));
-    if (!told.is_done) { setTimeout(() => this.#await(), ASK_MS); return; }
-    if (told.failed !== null) return;
+    const now = await post.comparison();
+    $("compare-progress").hidden = now.is_done;
+    $("compare-progress").value = now.share;
+    $("compare-state").textContent = now.failed === null ? (now.is_done ? "" : word("comparing")) : told(now.failed);
+    if (!now.is_done) { setTimeout(() => this.#await(), ASK_MS); return; }
+    if (now.failed !== null) return;
     const result = await post.compared();
     this.#lines = result.lines;
     this.#differences = result.differences;

@@ -1,32 +1,55 @@
 // What is asked before something is done: whom to order what, whom to give an alert to, who one is.
+import { tell } from "./notice.js";
 import { told } from "./phrases.js";
 import * as post from "./post.js";
 import { word } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 
-/** Ask whom to order `kind`; those in `chosen` are ticked already. */
-export function askOrder(kind, ids, chosen) {
-  const everybody = kind === "evacuate";
-  $("order-title").textContent = word(kind);
-  $("order-send").textContent = word(kind === "message" ? "send" : kind);
-  $("order-text-label").hidden = kind === "roll_call";
+/** Ask whom to order `kind`; those in `chosen` are ticked already. A team's box ticks its people. */
+export function askOrder(kind, ids, chosen, teams = {}) {
+  const forAll = kind === "evacuate" || kind === "withdraw";
+  $("order-title").textContent = word(kind === "withdraw" ? "take_back" : kind);
+  $("order-send").textContent = word({ message: "send", withdraw: "take_back" }[kind] ?? kind);
+  $("order-text-label").hidden = kind === "roll_call" || kind === "withdraw";
   $("order-text").value = "";
   $("order-problem").textContent = "";
-  const boxes = [...(everybody ? [["", word("everybody"), true]] : []),
-    ...ids.map((id) => [id, id, chosen.has(id)])];
-  $("order-to").replaceChildren(...boxes.map(([id, text, ticked]) => {
-    const label = document.createElement("label");
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: id, checked: ticked });
-    label.append(box, text);
-    return label;
-  }));
+  const everybody = forAll ? [box("", word("everybody"), true)] : [];
+  const people = ids.map((id) => box(id, id, chosen.has(id)));
+  const crews = Object.entries(teams).map(([name, members]) => {
+    const made = box(null, `${word("team")} ${name}`, false);
+    made.input.dataset.members = JSON.stringify(members);
+    made.input.disabled = !members.some((id) => ids.includes(id));
+    return made;
+  });
+  $("order-to").replaceChildren(...[...everybody, ...crews, ...people].map(({ label }) => label));
+  $("order-to").onchange = (event) => settle(event.target, people.map(({ input }) => input), everybody[0]?.input);
   $("order-send").onclick = () => sendOrder(kind);
   $("order-dialog").showModal();
 }
 
+function box(value, text, checked) {
+  const label = document.createElement("label");
+  const input = Object.assign(document.createElement("input"), { type: "checkbox", checked });
+  if (value === null) input.name = "team";
+  else input.value = value;
+  label.append(input, text);
+  return { label, input };
+}
+
+/** Have a team's box tick its people; everybody is either named, or all without names. */
+function settle(turned, people, everybody) {
+  if (turned === everybody) {
+    if (everybody.checked) for (const other of $("order-to").querySelectorAll("input")) other.checked = other === everybody;
+    return;
+  }
+  const members = JSON.parse(turned.dataset.members ?? "[]");
+  for (const one of people) if (members.includes(one.value)) one.checked = turned.checked;
+  if (everybody && turned.checked) everybody.checked = false;
+}
+
 async function sendOrder(kind) {
-  const ticked = [...$("order-to").querySelectorAll("input:checked")].map((box) => box.value);
+  const ticked = [...$("order-to").querySelectorAll("input:checked:not([name=team])")].map((box) => box.value);
   const text = $("order-text").value.trim();
   if (!ticked.length) { $("order-problem").textContent = word("nobody"); return; }
   if (kind === "message" && !text) { $("order-problem").textContent = word("text_needed"); return; }
@@ -43,15 +66,23 @@ export function showWay(title, words, send, done) {
   $("way-title").textContent = title;
   $("way-words").textContent = words;
   $("way-send").hidden = send === null;
-  $("way-send").onclick = async () => { await send(); $("way").hidden = true; done(); };
+  $("way-send").onclick = async () => {
+    try {
+      await send();
+      $("way").hidden = true;
+      done();
+    } catch (error) {
+      tell(`${word("refused")} ${told(error.message)}`);
+    }
+  };
   $("way-close").onclick = () => { $("way").hidden = true; done(); };
   $("way").hidden = false;
 }
 
 /** Ask where on the Earth a place of the incident is: its origin, or what is clicked (`pick`). */
 export function askOrigin(origin, pick) {
-  let place = [0, 0];
-  const show = () => { $("earth-place").value = place.map((metres) => metres.toFixed(1)).join(", "); };
+  const place = ["earth-north", "earth-east"];
+  const show = (metres) => place.forEach((id, axis) => { $(id).value = metres[axis].toFixed(1); });
   const fields = { latitude: "latitude_deg", longitude: "longitude_deg", height: "height_m", bearing: "bearing_deg" };
   for (const [id, name] of Object.entries(fields)) {
     const optional = id === "height" || id === "bearing";
@@ -60,20 +91,21 @@ export function askOrigin(origin, pick) {
   $("earth-problem").textContent = "";
   $("earth-pick").onclick = () => {
     $("earth-dialog").close();
-    pick((picked) => { place = picked; show(); $("earth-dialog").showModal(); });
+    pick((picked) => { show(picked); $("earth-dialog").showModal(); });
   };
   $("earth-cancel").onclick = () => $("earth-dialog").close();
   $("earth-form").onsubmit = async (event) => {
     event.preventDefault();
     const given = Object.fromEntries(Object.entries(fields).map(([id, name]) => [name, $(id).valueAsNumber]));
     try {
-      await post.setOrigin({ ...given, north_m: place[0], east_m: place[1] });
+      const [north_m, east_m] = place.map((id) => $(id).valueAsNumber);
+      await post.setOrigin({ ...given, north_m, east_m });
       $("earth-dialog").close();
     } catch (error) {
       $("earth-problem").textContent = `${word("refused")} ${told(error.message)}`;
     }
   };
-  show();
+  show([0, 0]);
   $("earth-dialog").showModal();
 }
 

@@ -3,12 +3,14 @@ import { Comparison } from "./compare.js";
 import { askAssign, askOrder, askOrigin, askWho, showWay } from "./dialogs.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
-import { cutToLegs, showAlerts, showDaps, showFloors, showPeople, wayWords } from "./panels.js";
+import { cutToLegs, showAlerts, showDaps, showFloors, showPeople, showRemarks, showSites, wayWords } from "./panels.js";
+import { tell } from "./notice.js";
 import { loadPhrases, told } from "./phrases.js";
 import * as post from "./post.js";
 import { Review } from "./review.js";
 import { changeLanguage, changeUnits, duration, word, writeWords } from "./words.js";
 
+const AGAIN_MS = 1000;
 const RANKS = { viewer: 0, operator: 1, commander: 2 };
 const $ = (id) => document.getElementById(id);
 const model = new Model();
@@ -21,6 +23,7 @@ let drawnFirst = false;
 let wayTimer = 0;
 let findAgain = null;
 let waysAsked = 0;
+let joined = false;
 let review = null;
 let comparison = null;
 const seen = new Set();
@@ -52,8 +55,8 @@ function drawPanels() {
   showAlerts(model, may("operator"), { turn, assign });
   showPeople(model, { centre: (id) => view.centre(id), wayOut, rescue });
   showDaps(model);
-  const remarks = (model.roster?.remarks ?? []).map(told).join(" · ");
-  $("link").title = remarks;
+  showSites(model);
+  showRemarks(model);
 }
 
 function ask(what) {
@@ -63,7 +66,12 @@ function ask(what) {
 
 function take(changes) {
   model.take(changes);
-  soundNew(changes.alerts ?? [], Boolean(changes.trails));
+  // What stood when we came makes no sound; what came while there was no link does.
+  soundNew(changes.alerts ?? [], Boolean(changes.trails) && (review !== null || !joined));
+  joined = true;
+  for (const answer of changes.answers ?? []) {
+    if (answer.refusal && answer.commander_id === me.name) tell(`${word("refused")} ${told(answer.refusal)}`);
+  }
   const panels = Boolean(changes.roster || changes.alerts?.length || changes.floors || changes.sites || changes.outside);
   ask({ tracks: Boolean(changes.tracks?.length || changes.trails), panels });
 }
@@ -119,7 +127,7 @@ async function turn(alert, stage, assigned_to = null) {
   try {
     await post.turnAlert(alert.number, stage, assigned_to);
   } catch (error) {
-    $("new-alert").textContent = `${word("refused")} ${told(error.message)}`;
+    tell(`${word("refused")} ${told(error.message)}`);
   }
 }
 
@@ -163,13 +171,14 @@ const ids = () => model.responders().map((row) => row.responder_id);
 const assign = (alert) => askAssign(ids(), (id) => turn(alert, "assigned", id));
 
 function wireButtons() {
-  $("evacuate").onclick = () => askOrder("evacuate", ids(), new Set());
+  $("evacuate").onclick = () => askOrder("evacuate", ids(), new Set(), me.teams);
   // By exception: those of whom it is not known that they are well are asked, the others need not.
-  $("roll-call").onclick = () => askOrder("roll_call", ids(), model.doubtful());
-  $("message").onclick = () => askOrder("message", ids(), new Set());
+  $("roll-call").onclick = () => askOrder("roll_call", ids(), model.doubtful(), me.teams);
+  $("message").onclick = () => askOrder("message", ids(), new Set(), me.teams);
+  $("take-back").onclick = () => askOrder("withdraw", ids(), new Set(), me.teams);
   $("earth").onclick = () => askOrigin(model.origin, (picked) => view.pick(picked));
   $("fit").onclick = () => view.fit();
-  $("units").onclick = () => { changeUnits(); comparison?.write(); ask({ tracks: false, panels: true }); };
+  $("units").onclick = () => { changeUnits(); view.readUnits(); comparison?.write(); ask({ tracks: false, panels: true }); };
   $("language").onclick = () => { changeLanguage(); writeWords(); showLink(); review?.write(); comparison?.write(); ask({ tracks: false, panels: true }); };
   $("theme").onclick = () => {
     const night = document.documentElement.dataset.theme !== "night";
@@ -194,8 +203,24 @@ async function begin() {
   $("sign-out").textContent = `${word("sign_out")} (${me.name})`;
   for (const button of document.querySelectorAll("[data-role]")) button.disabled = !may(button.dataset.role);
   if (me.review) beginReview();
-  else post.follow(take, linked);
+  else follow();
   view.showPlan(await post.plan());
+}
+
+function follow() {
+  post.follow(take, linked, () => setTimeout(rejoin, AGAIN_MS));
+}
+
+/** Come in again where the post wants to know anew who one is: it, or its page, was started again. */
+async function rejoin() {
+  try {
+    me = await post.whoAmI();
+  } catch {
+    setTimeout(rejoin, AGAIN_MS);
+    return;
+  }
+  if (me.role) follow();
+  else askWho(rejoin);
 }
 
 /** Nothing can be ordered in what is past: what would do so is not shown. */

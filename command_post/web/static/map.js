@@ -2,6 +2,7 @@
 /* global ol */
 import { CrowdLayer } from "./crowd_layer.js";
 import { PlanLayers } from "./plan_layer.js";
+import { counted, inFeet, languageNow } from "./words.js";
 
 const projection = new ol.proj.Projection({ code: "clew:local", units: "m" });
 
@@ -13,6 +14,7 @@ export class MapView {
   #sites = null;
   #outside = null;
   #plan;
+  #scale = new ol.control.ScaleLine({ minWidth: 80 });
   #styles = new Map();
   #floor = null;
   #followed = true;
@@ -32,10 +34,16 @@ export class MapView {
         layer(this.sources.outside), layer(this.sources.daps), this.#crowd],
       view: new ol.View({ projection, center: [0, 0], resolution: 0.15, minResolution: 0.005,
         maxResolution: 50, enableRotation: false }),
-      controls: [new ol.control.ScaleLine({ minWidth: 80 })],
+      controls: [this.#scale],
     });
     this.map.on("pointerdrag", () => { this.#followed = false; });
+    this.readUnits();
     this.readColours();
+  }
+
+  /** Say how long things are in the units that were chosen. */
+  readUnits() {
+    this.#scale.setUnits(inFeet() ? "us" : "metric");
   }
 
   readColours() {
@@ -142,12 +150,12 @@ export class MapView {
 
   /** Where a further DAP would tell most. */
   drawSites() {
-    const sites = JSON.stringify(this.#model.sites);
+    const sites = JSON.stringify([this.#model.sites, languageNow()]);
     if (this.#sites === sites) return;
     this.#sites = sites;
     this.sources.sites.clear();
     this.sources.sites.addFeatures(this.#model.sites.map((site) => new ol.Feature({ kind: "site",
-      id: `+${site.gain_bits} bit`, level: this.#model.floorOf(site.down_m),
+      id: `+${counted("bits", { n: site.gain_bits })}`, level: this.#model.floorOf(site.down_m),
       geometry: new ol.geom.Point([site.east_m, site.north_m]) })));
   }
 

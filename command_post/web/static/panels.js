@@ -1,6 +1,6 @@
 // The lists beside the map: alerts, responders, access points, and what the post remarks.
 import { told } from "./phrases.js";
-import { duration, length, word } from "./words.js";
+import { counted, duration, length, word } from "./words.js";
 
 const NS_PER_S = 1e9;
 const MOST_TEXT = 200;
@@ -87,7 +87,6 @@ export function showPeople(model, actions) {
   }), ({ row, shown }) => personItem(row, shown, actions));
   const lost = rows.filter((row) => row.status === "lost").length;
   $("counts").textContent = `${rows.length} ${word("inside")}` + (lost ? `, ${lost} ${word("lost_count")}` : "");
-  showEvacuation(rows);
 }
 
 function personItem(row, shown, actions) {
@@ -125,18 +124,33 @@ function suppliesWords(left) {
     left?.air_left_s === undefined ? "" : `${word("air_for")} ${duration(left.air_left_s)}`].filter(Boolean).join(" · ");
 }
 
-function showEvacuation(rows) {
-  const out = rows.filter((row) => row.orders.some((one) => one.order.kind === "evacuate"));
-  const text = out.length ? `${word("evacuating")} ${out.length}: ${out.map((row) => row.responder_id).join(", ")}` : "";
-  $("evacuate").title = text;
-  const remark = $("remarks").querySelector("[data-key=evacuation]");
-  if (text && !remark) {
-    const made = element("li", { textContent: text });
-    made.dataset.key = "evacuation";
-    $("remarks").append(made);
-  } else if (remark) {
-    text ? (remark.textContent = text) : remark.remove();
+/** What is to be known besides: what orders wait for whom, and what is wrong with the post. */
+export function showRemarks(model) {
+  const rows = model.responders();
+  const orders = new Map();
+  for (const row of rows) {
+    for (const { order } of row.orders) {
+      const known = orders.get(order.sequence) ?? { order, waited: [] };
+      known.waited.push(row.responder_id);
+      orders.set(order.sequence, known);
+    }
   }
+  const waiting = [...orders.values()].map(({ order, waited }) => {
+    const of = order.to?.length || rows.length;
+    return `${word(order.kind)}: ${counted("acknowledged_by", { n: of - waited.length, of })}, ${word("waited_for")} ${waited.join(", ")}`;
+  });
+  const lines = [...waiting, ...(model.roster?.remarks ?? []).map(told)];
+  renew($("remarks"), lines.map((line) => ({ key: line, shown: line })), ({ shown }) => element("li", { textContent: shown }));
+  $("take-back").hidden = waiting.length === 0;
+}
+
+/** Where a further DAP would help, in words: the map has but a mark. */
+export function showSites(model) {
+  renew($("site-list"), model.sites.map((site, index) => ({
+    key: String(index), shown: [site.reason, site.gain_bits, model.floorOf(site.down_m), length(1), word("floor")], site,
+  })), ({ site }) => element("li", { textContent: `${word("floor")} ${model.floorOf(site.down_m)}, ${word("north")} ${length(site.north_m)}, `
+    + `${word("east")} ${length(site.east_m)}: +${counted("bits", { n: site.gain_bits })}; ${told(site.reason)}` }));
+  $("more-daps").hidden = model.sites.length === 0;
 }
 
 export function showDaps(model) {

@@ -6,7 +6,7 @@ async function talk(path, body) {
     method: "POST",
     headers: { "Content-Type": "application/json", "X-Clew-Token": token },
     body: JSON.stringify(body),
-  });
+  }).catch(() => { throw new Error("the post does not answer"); });
   const told = await answer.json();
   if (!answer.ok) throw new Error(told.error ?? answer.statusText);
   return told;
@@ -43,13 +43,17 @@ export const comparison = () => talk("comparison");
 export const compare = (wish) => talk("comparison", wish);
 export const compared = () => talk("comparison/result");
 
-/** Have `changed` called with what has changed, and `linked` with whether there is a link. */
-export function follow(changed, linked) {
+/** Have `changed` called with what has changed, `linked` with whether there is a link, `ended` if there will be none. */
+export function follow(changed, linked, ended) {
   const events = new EventSource("api/v1/events");
   events.addEventListener("changes", (event) => {
     changed(JSON.parse(event.data));
     linked(true);
   });
   events.addEventListener("open", () => linked(true));
-  events.addEventListener("error", () => linked(false));
+  events.addEventListener("error", () => {
+    linked(false);
+    // Refused, not broken off: a browser does not try that again by itself.
+    if (events.readyState === EventSource.CLOSED) ended();
+  });
 }

@@ -123,7 +123,7 @@ export class Review {
   /** Hold, and say why no more can be shown. */
   #fail(error) {
     this.#playing = false;
-    $("faults").textContent = `${word("refused")} ${error.message}`;
+    $("faults").textContent = `${word("refused")} ${told(error.message)}`;
     this.#tell();
   }
 
@@ -167,7 +167,7 @@ export class Review {
       const made = document.createElement("i");
       made.style.left = place(gap.from_s);
       made.style.width = place(gap.to_s - gap.from_s);
-      made.title = gap.words;
+      made.title = told(gap.words);
       return made;
     });
     const unread = document.createElement("b");
@@ -183,8 +183,8 @@ export class Review {
       return item;
     }));
     $("happened-count").textContent = `(${line.marks.length})`;
-    $("faults").textContent = [...line.faults, ...line.gaps.map((gap) =>
-      `${this.#clock(gap.from_s)}–${this.#clock(gap.to_s)}: ${gap.words}`)].join(" · ");
+    $("faults").textContent = [...line.faults.map(told), ...line.gaps.map((gap) =>
+      `${this.#clock(gap.from_s)}–${this.#clock(gap.to_s)}: ${told(gap.words)}`)].join(" · ");
   }
 
   #words(mark) {

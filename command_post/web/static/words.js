@@ -15,7 +15,7 @@ const CATALOGUE = {
     no_track: "no track yet", installed: "stands", not_installed: "carried", within: "within",
     heard: "heard", never: "never heard", not_acknowledged: "has not acknowledged",
     has_it: "has received", nobody: "Choose somebody.", text_needed: "Write something.",
-    refused: "The post refuses:", evacuating: "Evacuation not acknowledged by",
+    refused: "The post refuses:",
     doubtful: "doubtful", inside: "inside", lost_count: "lost", mayday: "MAYDAY", fall: "Fall",
     way_out: "Way out", rescue: "Rescue", close: "Close", walking: "walking", crawling: "crawling",
     on: "straight on", left: "left", right: "right", around: "turn around",
@@ -34,6 +34,9 @@ const CATALOGUE = {
     pick: "Click on the map", set: "Set",
     low_battery: "Low battery", low_air: "Low air", left_team: "Left the team", dap_dead: "Access point dead",
     dap_moved: "Access point moved", battery: "battery", charging: "charging", air: "air", air_for: "air for",
+    seconds: "{n} s", minutes: "{n} min", hours: "{n} h", bits: "{n} bit", team: "Team",
+    take_back: "Withdraw", acknowledged_by: "{n} of {of} have acknowledged", waited_for: "waiting for",
+    north: "north", east: "east", more_daps: "Where a further access point would help",
   },
   ko: {
     evacuate: "대피", roll_call: "인원 점검", message: "메시지", units: "m / ft",
@@ -50,7 +53,7 @@ const CATALOGUE = {
     no_track: "위치 없음", installed: "설치됨", not_installed: "휴대 중", within: "오차",
     heard: "수신", never: "수신 없음", not_acknowledged: "미확인",
     has_it: "수신함", nobody: "대상을 선택하십시오.", text_needed: "내용을 입력하십시오.",
-    refused: "지휘소 거부:", evacuating: "대피 미확인 대원",
+    refused: "지휘소 거부:",
     doubtful: "확인 필요", inside: "내부", lost_count: "위치 불명", mayday: "메이데이", fall: "추락·넘어짐",
     way_out: "나가는 길", rescue: "구조", close: "닫기", walking: "걸어서", crawling: "기어서",
     on: "직진", left: "왼쪽", right: "오른쪽", around: "뒤로 돌아",
@@ -69,6 +72,9 @@ const CATALOGUE = {
     pick: "지도에서 선택", set: "설정",
     low_battery: "배터리 부족", low_air: "공기 부족", left_team: "팀 이탈", dap_dead: "액세스 포인트 꺼짐",
     dap_moved: "액세스 포인트 이동", battery: "배터리", charging: "충전 중", air: "공기", air_for: "공기 잔여",
+    seconds: "{n}초", minutes: "{n}분", hours: "{n}시간", bits: "{n}비트", team: "팀",
+    take_back: "지시 철회", acknowledged_by: "{of}명 중 {n}명 확인", waited_for: "미확인:",
+    north: "북", east: "동", more_daps: "액세스 포인트를 더 놓으면 좋은 곳",
   },
 };
 
@@ -77,6 +83,7 @@ let language = localStorage.getItem("language") ?? "en";
 let feet = localStorage.getItem("feet") === "yes";
 
 export const languageNow = () => language;
+export const inFeet = () => feet;
 export const word = (name) => CATALOGUE[language][name] ?? name;
 
 export function changeLanguage() {
@@ -95,11 +102,17 @@ export function length(metres) {
   return `${value < 9.95 ? value.toFixed(1) : Math.round(value)} ${feet ? "ft" : "m"}`;
 }
 
+/** A word with numbers in it. */
+export function counted(name, numbers) {
+  return word(name).replace(/\{(\w+)\}/g, (_, key) => numbers[key]);
+}
+
 /** How long, in words as short as can be. */
 export function duration(seconds) {
-  if (seconds < 60) return `${Math.floor(seconds)} s`;
-  if (seconds < 3600) return `${Math.floor(seconds / 60)} min`;
-  return `${Math.floor(seconds / 3600)} h ${Math.floor((seconds % 3600) / 60)} min`;
+  const whole = (name, each) => counted(name, { n: Math.floor(seconds / each) });
+  if (seconds < 60) return whole("seconds", 1);
+  if (seconds < 3600) return whole("minutes", 60);
+  return `${whole("hours", 3600)} ${counted("minutes", { n: Math.floor((seconds % 3600) / 60) })}`;
 }
 
 /** Write all words that stand in the page. */
