@@ -2,7 +2,8 @@
 
 Who stands sways, by half a degree to and fro, and by some degrees a second: single seconds tell a
 bias badly (a boot's, ``gyro_bias.py``, stands better). But swaying leads back to where it began, so
-the mean over a whole rest is wrong by what the sway was off at its ends, and the less the longer.
+over a whole rest the bias is the slope of what the gyro adds up to, by least squares: the mean rate
+would be wrong by all that the sway was off at its ends.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ SWAY_S = 0.6
 LEAST_SWAY_RAD = math.radians(0.02)
 """How far who rests is turned at the end from how they were at the beginning: what rates scatter,
 for so long, and something at the least."""
+SWAY_APART_S = 3.0
+"""After so long a sway is another one."""
 
 SMOOTHED_S = 0.1
 STILL_RAD_S = math.radians(5.0)
@@ -39,11 +42,53 @@ LARGEST_BIAS_RAD_S = math.radians(3.0)
 
 
 class _Rest(NamedTuple):
-    """A rest up to a moment: how long, by how much it seemed to turn, how rates scattered."""
+    """A rest up to a moment: how long, by how much it seemed to turn, how rates scattered.
+
+    ``area_rad_s`` and ``moment_rad_s2`` are the integrals of the turn, and of the turn times how
+    long it had lasted.
+    """
 
     lasted_s: float = 0.0
     turned_rad: Vector3 = (0.0, 0.0, 0.0)
     scatter_rad2_s: float = 0.0
+    area_rad_s: Vector3 = (0.0, 0.0, 0.0)
+    moment_rad_s2: Vector3 = (0.0, 0.0, 0.0)
+
+    def longer(self, rate_rad_s: Vector3, scatter_rad2_s2: float, duration_s: float) -> _Rest:
+        """Return the rest with ``duration_s`` more, in which rates and their scatter were these."""
+        middle_s = self.lasted_s + 0.5 * duration_s
+        sums = zip(self.turned_rad, self.area_rad_s, self.moment_rad_s2, rate_rad_s, strict=True)
+        x, y, z = (
+            (
+                turned + rate * duration_s,
+                area + (turned + 0.5 * rate * duration_s) * duration_s,
+                moment + middle_s * (turned + 0.5 * rate * duration_s) * duration_s,
+            )
+            for turned, area, moment, rate in sums
+        )
+        turned_rad, area_rad_s, moment_rad_s2 = zip(x, y, z, strict=True)
+        return _Rest(
+            self.lasted_s + duration_s,
+            turned_rad,
+            self.scatter_rad2_s + scatter_rad2_s2 * duration_s,
+            area_rad_s,
+            moment_rad_s2,
+        )
+
+    def slope_rad_s(self) -> Vector3:
+        """Return how fast it seemed to turn, by least squares."""
+        weight, half_s = 12.0 / self.lasted_s**3, 0.5 * self.lasted_s
+        x, y, z = (
+            weight * (moment - half_s * area)
+            for moment, area in zip(self.moment_rad_s2, self.area_rad_s, strict=True)
+        )
+        return (x, y, z)
+
+    def slope_variance(self) -> float:
+        """Return the slope's variance, (rad/s)², of a sway that is another ``SWAY_APART_S`` on."""
+        sway_rad2 = LEAST_SWAY_RAD**2 + SWAY_S**2 * self.scatter_rad2_s / self.lasted_s
+        apart = self.lasted_s / SWAY_APART_S
+        return sway_rad2 / self.lasted_s**2 * 12.0 * apart / ((apart + 1.0) * (apart + 2.0))
 
 
 class RestBias:
@@ -74,12 +119,10 @@ class RestBias:
             self._rest = self._sure = _Rest()
             self._before, self._variance_before = self.bias_rad_s, self._variance
             return
-        lasted_s, (x, y, z), scatter_rad2_s = self._rest
         wx, wy, wz = rate_rad_s
         sx, sy, sz, _ = self._slow
-        scatter_rad2_s += ((wx - sx) ** 2 + (wy - sy) ** 2 + (wz - sz) ** 2) / 3.0 * duration_s
-        turned_rad = (x + wx * duration_s, y + wy * duration_s, z + wz * duration_s)
-        self._rest = _Rest(lasted_s + duration_s, turned_rad, scatter_rad2_s)
+        scatter_rad2_s2 = ((wx - sx) ** 2 + (wy - sy) ** 2 + (wz - sz) ** 2) / 3.0
+        self._rest = self._rest.longer(rate_rad_s, scatter_rad2_s2, duration_s)
         if self._rest.lasted_s - self._sure.lasted_s >= SURE_AFTER_S:
             if self._sure.lasted_s >= SHORTEST_REST_S:
                 self._weigh(self._sure)
@@ -95,13 +138,11 @@ class RestBias:
         return max(turns) < STILL_RAD_S and bounce < STILL_M_S2
 
     def _weigh(self, rest: _Rest) -> None:
-        """Weigh the mean of a rest against what was known as it began."""
-        x, y, z = (turned / rest.lasted_s for turned in rest.turned_rad)
+        """Weigh what a rest tells against what was known as it began."""
+        x, y, z = rest.slope_rad_s()
         if max(abs(x), abs(y), abs(z)) > LARGEST_BIAS_RAD_S:
             return
-        sway_rad2 = LEAST_SWAY_RAD**2 + SWAY_S**2 * rest.scatter_rad2_s / rest.lasted_s
-        of_mean = 2.0 * sway_rad2 / rest.lasted_s**2
-        gain = self._variance_before / (self._variance_before + of_mean)
+        gain = self._variance_before / (self._variance_before + rest.slope_variance())
         bx, by, bz = self._before
         self.bias_rad_s = (bx + gain * (x - bx), by + gain * (y - by), bz + gain * (z - bz))
         self._variance = (1.0 - gain) * self._variance_before

@@ -59,6 +59,15 @@ class ImuSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
 
 
+PHONE = ImuSettings(rate_walk_deg_s=0.001)
+"""A phone's sensor. At rest, the gyro of such chips wanders by less: 0.0003 to 0.0005 °/s in a
+second on the axes of a consumer's tracker, with a noise of 0.007 to 0.008 °/s/√Hz (Allan variance,
+libsurvive's wiki, "IMU Variance measurements"); an MPU-6000's is stable to 4.6 °/h over 500 s
+(Greenheck 2009, as AirSim has it). What there is more is for the wearer's warmth: of good phones
+Android asks for no more than 0.05 °/s for each °C, for a bias known to 0.002 rad/s and a noise of
+0.007 °/s/√Hz, 0.014 at most (Compatibility Definition, 7.3.9)."""
+
+
 @dataclass(frozen=True)
 class Sensor:
     """One sensor, drawn. Matrices take the boot's axes to what the sensor reads."""

@@ -19,7 +19,7 @@ from shared.config import ConfigError, load_toml
 from shared.messages import NodeId
 from shared.simulation.barometer import BarometerSettings
 from shared.simulation.gnss import GnssReceiver
-from shared.simulation.imu_errors import ImuSettings
+from shared.simulation.imu_errors import PHONE, ImuSettings
 from shared.simulation.magnetic import MagneticSettings
 from shared.simulation.odometry_errors import OdometrySettings, UnitFault
 from shared.simulation.plan import Plan, Point, load_plan, packaged_or_path
@@ -223,7 +223,8 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
 
     ``teams`` are among the responders once it is loaded. With ``turned_deg`` the whole of it, the
     building included, lies turned clockwise about the origin. A scenario equals only itself, so
-    that what is worked out of it can be kept. Without ``gnss`` nobody has a satellite receiver.
+    that what is worked out of it can be kept. ``imu`` is what is worn on boots and belts, ``phone``
+    at the chest. Without ``gnss`` nobody has a satellite receiver.
     """
 
     description: str
@@ -234,6 +235,7 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
     daps: dict[NodeId, Dap] = {}
     people: dict[str, Person] = {}
     imu: ImuSettings = ImuSettings()
+    phone: ImuSettings = PHONE
     magnetic: MagneticSettings = MagneticSettings()
     barometer: BarometerSettings | None = None
     radio: RadioParameters = RadioParameters()

@@ -68,7 +68,8 @@ def simulate_torso_imu(
     """
     walk = simulate_walk(scenario, responder_id, seed)
     chance = generator(seed, "torso_imu", worn.place, responder_id)
-    sensor = draw_sensor(scenario.imu, chance)
+    settings = scenario.phone if worn.place == "chest" else scenario.imu
+    sensor = draw_sensor(settings, chance)
     path = torso_path(walk, worn.place, chance)
     share = STRIKE_SHARE[worn.place] * sensor.settings.ringing
     field = MagneticField(scenario.magnetic, generator(seed, "magnetic"))

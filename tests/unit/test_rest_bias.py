@@ -27,6 +27,13 @@ def test_the_longer_the_rest_the_better() -> None:
     assert swayed(31.25).sd_rad_s < 0.3 * swayed(6.25).sd_rad_s
 
 
+def test_where_in_its_sway_a_rest_ends_hardly_matters() -> None:
+    """The mean rate is wrong by what the sway is off at the end, over the time of the rest."""
+    errors = [swayed(lasts_s).bias_rad_s[1] - 0.01 for lasts_s in (29.0, 30.25, 31.5, 32.75)]
+    of_means_rad_s = math.radians(0.3) / math.sqrt(2.0) / 31.0
+    assert math.hypot(*errors) / 2.0 < 0.5 * of_means_rad_s
+
+
 @pytest.mark.parametrize("lasts_s", [3.75, 6.25, 11.25, 31.25])
 def test_errors_are_as_told(lasts_s: float) -> None:
     learner = swayed(lasts_s)

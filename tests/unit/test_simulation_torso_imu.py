@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from shared.maths.rotations import from_rotation_vector, rotate
 from shared.simulation.chance import generator
@@ -45,6 +46,28 @@ def test_a_standing_trunk_is_quiet_but_not_dead() -> None:
     assert np.linalg.norm(still.mean(axis=0)) == pytest.approx(GRAVITY_M_S2, abs=0.02)
     assert still[:, 2].mean() == pytest.approx(-GRAVITY_M_S2, abs=0.1)
     assert np.all((still.std(axis=0) > 0.002) & (still.std(axis=0) < 0.15))
+
+
+def test_who_sets_out_bounces_less_than_on_the_way() -> None:
+    read, walk = simulate_torso_imu(WALK, "r1", 1, Worn("belt")), simulate_walk(WALK, "r1", 1)
+    size_m_s2 = np.linalg.norm(read.force_m_s2, axis=1)
+    smooth_m_s2 = np.convolve(size_m_s2, np.hanning(61) / np.hanning(61).sum(), "same")
+    spreads = [
+        smooth_m_s2[(read.time_s >= left_s) & (read.time_s < reached_s)].std()
+        for left_s, reached_s in zip(walk.left_s[:6], walk.reached_s[1:7], strict=True)
+    ]
+    assert 0.3 * np.mean(spreads[2:]) < spreads[0] < 0.75 * np.mean(spreads[2:])
+
+
+def test_a_phone_is_another_sensor_than_what_is_worn_on_the_belt() -> None:
+    phone = ImuSettings(rate_bias_deg_s=50.0)
+    scenario = replace(lone_walk(Stand(3.0), imu=PERFECT), phone=phone)
+    mean_rad_s = {
+        place: np.abs(simulate_torso_imu(scenario, "r1", 1, Worn(place)).rate_rad_s.mean(axis=0))
+        for place in ("belt", "chest")
+    }
+    assert mean_rad_s["belt"].max() < math.radians(1.0)
+    assert mean_rad_s["chest"].max() > math.radians(5.0)
 
 
 def test_the_way_a_sensor_is_put_on_turns_what_it_reads() -> None:
