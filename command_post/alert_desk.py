@@ -59,6 +59,11 @@ _WORDS: dict[str, str] = {
     "fall": "has fallen",
     "mayday": "calls mayday",
 }
+_NAMES: dict[AlertKind, str] = {
+    "dap_dead": "lost_contact", "dap_moved": "taken_up", "doubt": "doubt_",
+}  # fmt: skip
+"""What alerts are about, where that is not their kind."""
+
 _GET_WORSE = frozenset({*_WORDS, "low_battery", "low_air"})
 """What is raised again when it says something else."""
 
@@ -110,6 +115,23 @@ class AlertDesk:
     def due_ns(self) -> int | None:
         """When a node may have been silent for too long next."""
         return self._deadlines[0][0] if self._deadlines else None
+
+    def restore(self, alerts: Iterable[Alert]) -> None:
+        """Go on with alerts as they were told last, in the order of their numbers.
+
+        What an alert is about is not all told: a doubt that stands is over once others come up.
+        """
+        self._alerts = OrderedDict(
+            (alert.number, msgspec.structs.replace(alert, sequence=0)) for alert in alerts
+        )
+        self._next_number = max(self._alerts, default=-1) + 1
+        self._open, self._settled = {}, {}
+        for alert in self._alerts.values():
+            about = (_NAMES.get(alert.kind, alert.kind), (alert.role, alert.node_id))
+            if alert.stage != "resolved":
+                self._open[about] = alert.number
+            elif alert.by is not None:
+                self._settled[about] = alert.words
 
     def pass_time(self, now_ns: int) -> list[Alert]:
         """Return the alerts to those who have fallen silent by ``now_ns``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import msgspec
@@ -34,6 +35,10 @@ class Announcer:
         number = self._sequences[topic]
         self._sequences[topic] += 1
         return number
+
+    def go_on(self, next_sequences: Mapping[str, int]) -> None:
+        """Number what is said from now on as it is to be next, by topic."""
+        self._sequences = Counter(next_sequences)
 
     def outgoing(self, message: Message, topic: str) -> Outgoing:
         """Return a message as it is to be published."""

@@ -55,6 +55,10 @@ class CommandDesk:
         """When something is to be alerted to, were nothing heard until then."""
         return self._alerts.due_ns
 
+    def restore(self, alerts: Iterable[Alert]) -> None:
+        """Go on with alerts as they were told last, in the order of their numbers."""
+        self._alerts.restore(alerts)
+
     def pass_time(self, now_ns: int) -> list[Outgoing]:
         """Return what is due by ``now_ns``."""
         return self._alerted(self._alerts.pass_time(now_ns))

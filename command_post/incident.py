@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from command_post.announcer import Announcer, Outgoing
+from command_post.begin_anew import begun_ns, daps_told, places_told, still_to_fuse, ways_told
 from command_post.box_words import box_words
 from command_post.command_desk import CommandDesk
 from command_post.dating import Dating
@@ -22,6 +23,7 @@ from command_post.fusion.time_line import Event, TimeLine
 from command_post.fusion.track import Estimate
 from command_post.handing_over import FUSED, HandingOver, is_ones_own
 from command_post.incident_settings import IncidentSettings
+from command_post.last_told import LastTold
 from command_post.lateness import Lateness
 from command_post.node_clock import KnownClock
 from command_post.notices import Notice, Notices, named_in
@@ -83,6 +85,8 @@ class Incident:
         self._announcer = Announcer(settings.incident, settings.post_id)
         self._desk = CommandDesk(settings, self._announcer)
         self._dap_places: dict[str, Outgoing] = {}
+        self._recalled: list[Event] | None = None
+        """What was due of what is being recalled."""
 
     @property
     def estimates(self) -> Mapping[str, Estimate]:
@@ -256,6 +260,22 @@ class Incident:
         """Return an order, a receipt or the table of stations as it is to be published."""
         return self._announcer.outgoing(message, _SAID[type(message)])
 
+    def recall(self, key: str, payload: bytes, now_ns: int) -> None:
+        """Take in what was handled before; none of it is fused. To be ended by ``begin_from``."""
+        self._recalled = self._recalled or []
+        self.handle(key, payload, now_ns)
+
+    def begin_from(self, last: LastTold) -> list[Outgoing]:
+        """Go on from what was told last; return what comes of what happened since."""
+        heard, self._recalled = self._recalled or [], None
+        daps = daps_told(last, heard)
+        self._tracker.begin_from(ways_told(last, heard), daps)
+        self._announcer.go_on(last.next_sequences)
+        self._desk.restore(last.alerts)
+        self._lateness.begin(begun_ns(last))
+        self._dap_places = places_told(last, daps)
+        return self._fuse(still_to_fuse(heard, last, daps))
+
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""
         for event in self._lateness.take_set_aside():
@@ -353,6 +373,9 @@ class Incident:
             self._notices.tell("too_late", event.key.node_id, detail)
 
     def _fuse(self, events: list[Event]) -> list[Outgoing]:
+        if self._recalled is not None:
+            self._recalled += events
+            return []
         made: list[Outgoing] = []
         for event in events:
             with self._set_aside.survived(event.key, "fusing it"):

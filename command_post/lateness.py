@@ -7,6 +7,7 @@ recorded, counted and told of; afterwards, from the recording, it is fused with 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from msgspec import structs
@@ -42,6 +43,9 @@ class Lateness:
         self._installed_ns: dict[str, int] = {}
         """When each DAP was set down or taken up last."""
 
+        self._begun_ns: dict[Node, int] = {}
+        """What happened until then counts already, by whom it is of: what was told last is kept."""
+
         self._forgot_ns = 0
         self._set_aside: list[Event] = []
         self.count = 0
@@ -52,13 +56,20 @@ class Lateness:
         minutes = (self._most_ns or 0) / (60 * NS_PER_S)
         return f"it tells of more than {minutes:.0f} min ago: recorded, and not on the map"
 
+    def begin(self, begun_ns: Mapping[Node, int]) -> None:
+        """Hold all to be known that happened until then, by the node that tells it."""
+        self._begun_ns = dict(begun_ns)
+
     def admitted(self, event: Event, now_ns: int) -> Event | None:
         """Return the event as it is to be fused; ``None`` if it comes too late.
 
         That a DAP stands is no less true for having been so for long: if it is news, it stands from
         now on, where it was told to or is passed.
         """
-        is_late = self._most_ns is not None and event.time_ns < now_ns - self._most_ns
+        begun_ns = self._begun_ns.get((event.key.role, event.key.node_id), -1)
+        is_late = event.time_ns <= begun_ns or (
+            self._most_ns is not None and event.time_ns < now_ns - self._most_ns
+        )
         if isinstance(event.message, DapInstallation):
             known_ns = self._installed_ns.get(event.key.node_id, -1)
             if is_late and event.time_ns > known_ns:

@@ -30,7 +30,7 @@ from command_post.orders import OrderRepeats
 from command_post.post_clock import PostClock
 from command_post.reception import Reception
 from command_post.recording import Outgoing, RecordedIncident, Recorder
-from command_post.resume import resume
+from command_post.resume import Made, begin_anew, resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.safekeeping import Safekeeping
 from command_post.station_notice import StationNotice
@@ -41,7 +41,7 @@ from shared.bus.interface import Bus, Received
 from shared.clock import Clock
 from shared.collector import Collector
 from shared.gate import Gate
-from shared.mcap_reader import Recording
+from shared.mcap_reader import BegunFrom, Recording
 from shared.messages import StationTable
 from shared.security.certificates import Identity
 from shared.sender import Outbox, Sign
@@ -149,6 +149,8 @@ class Post:
         before ``serve``. Raises ``RecordingError`` if the recording cannot be read.
         """
         began_s = time.monotonic()
+        if kept is None and self._began_anew(recording):
+            return
         if kept is not None:
             self._gate.remember(kept.state.remembered)
             if kept.state.exercise is not None:
@@ -158,18 +160,35 @@ class Post:
         since = recording.since(*place)
         resumed = resume(telling(since, told, self._publish), self._incident, self._recall)
         self._clock.passed_ns = resumed.last_ns or (0 if kept is None else kept.state.last_ns)
-        self._incident.take_notices()
-        self._recorder.mark_resumed(self._clock.now_ns())
-        for time_ns, key, payload in resumed.unrecorded:
-            self._recorder.put(key, payload, time_ns, outgoing=True)
-        # Who waited for it may have missed it.
-        self._to_say_again = [*self._incident.standing, *resumed.unrecorded]
+        self._go_on(resumed.unrecorded, "all")
         took_s = round(time.monotonic() - began_s, 1)
         _log.warning("taken up again", handled=resumed.handled, took_s=took_s)
         for damage in recording.report.damages:
             _log.warning("of the recording is lost", what=str(damage))
         if resumed.differing:
             _log.warning("made otherwise than it was recorded", count=resumed.differing)
+
+    def _began_anew(self, recording: Recording) -> bool:
+        """Go on from what was told last, if handling all again would take too long; say whether."""
+        began_s = time.monotonic()
+        begun = begin_anew(recording, self._incident, self._recall)
+        if begun is None:
+            return False
+        self._clock.passed_ns = begun.last_ns
+        self._go_on(begun.made, "last_told")
+        self._remarks = (*self._remarks, begun.words)
+        took_s = round(time.monotonic() - began_s, 1)
+        _log.warning("taken up from what was told last", moves=begun.moves, took_s=took_s)
+        return True
+
+    def _go_on(self, made: Sequence[Made], begun_from: BegunFrom) -> None:
+        """Record that the recording is gone on with, and what was ``made`` of its end."""
+        self._incident.take_notices()
+        self._recorder.mark_resumed(self._clock.now_ns(), begun_from)
+        for time_ns, key, payload in made:
+            self._recorder.put(key, payload, time_ns, outgoing=True)
+        # Who waited for it may have missed it.
+        self._to_say_again = [*self._incident.standing, *made]
 
     def _recall(self, key: str, payload: bytes) -> None:
         self._gate.recall(key, payload)

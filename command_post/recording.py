@@ -20,6 +20,7 @@ import structlog
 from command_post.recording_mirror import Mirror
 from command_post.recording_queue import End, Entry, Item, Resumed, WhenSafe
 from command_post.recording_set import RecordingSet, Rotation
+from shared.mcap_reader import BegunFrom
 from shared.recording_parts import where_part_is
 from shared.units import NS_PER_S
 
@@ -213,10 +214,10 @@ class Recorder:
         with self._changed:
             self._enqueue(End(now_ns))
 
-    def mark_resumed(self, now_ns: int) -> None:
-        """Say that the recording is gone on with since ``now_ns``."""
+    def mark_resumed(self, now_ns: int, begun_from: BegunFrom = "all") -> None:
+        """Say that the recording is gone on with since ``now_ns``, and what that began from."""
         with self._changed:
-            self._enqueue(Resumed(now_ns))
+            self._enqueue(Resumed(now_ns, begun_from))
 
     def when_safe(self, then: Callable[[int], None]) -> bool:
         """Call ``then`` once all that has been put would survive a power cut; ``False`` if not.

@@ -26,7 +26,16 @@ from command_post.recording_layout import Declared, WholePart, ending, whole_par
 from command_post.recording_mirror import Drawn, Mirror
 from shared.codec import Refusal, decode, parse_key
 from shared.files import is_at, replace_atomically, sync_folder
-from shared.mcap_reader import ABOUT, CHANNEL, DROPPED, END, RESUMED, Excerpt, RecordingError
+from shared.mcap_reader import (
+    ABOUT,
+    CHANNEL,
+    DROPPED,
+    END,
+    RESUMED,
+    BegunFrom,
+    Excerpt,
+    RecordingError,
+)  # fmt: skip
 from shared.mcap_records import MAGIC
 from shared.messages import Message
 from shared.recording_parts import CONTINUED, PART, Link, unfinished_path
@@ -235,9 +244,10 @@ class RecordingFile:
         """Say that so far ``count`` messages are missing."""
         self._writer.add_metadata(DROPPED, {"count": str(count)})
 
-    def mark_resumed(self, now_ns: int) -> None:
-        """Say that it had been broken off, and is gone on with since ``now_ns``."""
-        self._writer.add_metadata(RESUMED, {"time_ns": str(now_ns)})
+    def mark_resumed(self, now_ns: int, begun_from: BegunFrom = "all") -> None:
+        """Say that it had been broken off, and is gone on with since ``now_ns``, from what."""
+        told = {"time_ns": str(now_ns), "begun_from": begun_from}
+        self._writer.add_metadata(RESUMED, told)
 
     def mark_continued(self, following: str) -> None:
         """Say that this is not the last part: one called ``following`` comes next."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 from command_post.recording_set import RecordingSet
+from shared.mcap_reader import BegunFrom
 
 
 class Item(NamedTuple):
@@ -38,14 +39,15 @@ class End(NamedTuple):
 
 
 class Resumed(NamedTuple):
-    """That a recording that was broken off is gone on with since ``now_ns``."""
+    """That a recording that was broken off is gone on with since ``now_ns``, from what."""
 
     now_ns: int
+    begun_from: BegunFrom = "all"
     size_bytes: int = 0
 
     def write_to(self, file: RecordingSet) -> None:
         """Put it into ``file``."""
-        file.mark_resumed(self.now_ns)
+        file.mark_resumed(self.now_ns, self.begun_from)
 
 
 class WhenSafe(NamedTuple):

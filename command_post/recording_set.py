@@ -16,6 +16,7 @@ from typing import NamedTuple
 from command_post.recording_file import RecorderError, RecordingFile
 from command_post.recording_mirror import Mirror
 from shared.mcap_index import IndexedRecording
+from shared.mcap_reader import BegunFrom
 from shared.mcap_records import RecordingError
 from shared.recording_parts import (
     UNFINISHED,
@@ -111,9 +112,9 @@ class RecordingSet:
         self._dropped = count
         self._file.mark_dropped(count)
 
-    def mark_resumed(self, now_ns: int) -> None:
+    def mark_resumed(self, now_ns: int, begun_from: BegunFrom = "all") -> None:
         """Say that it had been broken off, and is gone on with since ``now_ns``."""
-        self._file.mark_resumed(now_ns)
+        self._file.mark_resumed(now_ns, begun_from)
 
     def sync(self) -> None:
         """Return once all that was put in would survive a power cut."""

@@ -9,10 +9,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
 from typing import NamedTuple
 
-from command_post.recording import Incident
+from command_post.incident import Incident
+from command_post.last_told import read_last_told
+from command_post.recording import Incident as Handler
 from shared.mcap_reader import RecordedMessage
+from shared.units import NS_PER_S
 
 
 class Made(NamedTuple):
@@ -37,9 +41,49 @@ class Resumed(NamedTuple):
     last_ns: int
 
 
-def resume(
+SOON_HANDLED = 1500
+"""So many moves are handled again as soon as anything: two minutes of twelve responders."""
+
+
+class BegunAnew(NamedTuple):
+    """What came of going on from what was told last of so many ``moves``, in ``words`` as well.
+
+    ``made`` is not in the recording. ``last_ns`` is as of when anything was recorded last.
+    """
+
+    made: list[Made]
+    moves: int
+    last_ns: int
+    words: str
+
+
+def begin_anew(
     recorded: Iterable[RecordedMessage],
     incident: Incident,
+    recall: Callable[[str, bytes], None],
+) -> BegunAnew | None:
+    """Have ``incident`` go on from what was told last of what is ``recorded``.
+
+    ``None``, and only ``recall`` was told of what was received, where handling all again takes no
+    longer, or the way of fusing cannot. A replay of the whole does not make the same of it.
+    """
+    last = read_last_told(recorded, recall)
+    if last.moves < SOON_HANDLED or incident.settings.fusion.method != "team":
+        return None
+    for time_ns, _, key, payload, _ in last.to_handle:
+        incident.recall(key, payload, time_ns)
+    made = incident.begin_from(last)
+    told_at = datetime.fromtimestamp(last.last_ns / NS_PER_S, UTC).astimezone()
+    words = (
+        f"the post was killed, and goes on from what it had told of everybody until "
+        f"{told_at:%H:%M:%S}"
+    )
+    return BegunAnew([Made(last.last_ns, *each) for each in made], last.moves, last.last_ns, words)
+
+
+def resume(
+    recorded: Iterable[RecordedMessage],
+    incident: Handler,
     recall: Callable[[str, bytes], None],
 ) -> Resumed:
     """Let ``incident`` handle all that was received of ``recorded``, what a recording has since.

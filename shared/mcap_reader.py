@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import msgspec
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
@@ -37,6 +37,7 @@ __all__ = [
     "DROPPED",
     "END",
     "RESUMED",
+    "BegunFrom",
     "Damage",
     "Excerpt",
     "ReadReport",
@@ -60,6 +61,9 @@ END = "clew.end"
 
 RESUMED = "clew.resumed"
 """Name of the metadata that says when a recording that had been broken off was gone on with."""
+
+BegunFrom: TypeAlias = Literal["all", "last_told"]
+"""What a post that was killed went on from: all that is recorded, or what it had told last."""
 
 
 class RecordedMessage(NamedTuple):
@@ -97,7 +101,8 @@ class ReadReport:
     ``finished``: the recorder closed the file. ``dropped_count``: messages it had no room for.
     ``unplaced_count``: messages whose channel is not known because of damage. ``excerpt_count``:
     messages of which only the beginning was kept. ``resumed_count``: how often the recorder had
-    been killed before it went on. ``derived_count``: what is only to be looked at, and no message.
+    been killed before it went on, ``begun_anew_count`` how often from what was told last alone.
+    ``derived_count``: what is only to be looked at, and no message.
     ``continued``: another part was to follow.
     """
 
@@ -108,6 +113,7 @@ class ReadReport:
     excerpt_count: int = 0
     dropped_count: int = 0
     resumed_count: int = 0
+    begun_anew_count: int = 0
     derived_count: int = 0
     continued: bool = False
     end_ns: int | None = None
@@ -125,6 +131,10 @@ class ReadReport:
             lines.append("unfinished: the recorder was killed, or still writes")
         for count, what in (
             (self.resumed_count, "times broken off and gone on with"),
+            (
+                self.begun_anew_count,
+                "times of these from what was told last, by no replay",
+            ),
             (self.dropped_count, "messages dropped by the recorder"),
             (self.unplaced_count, "messages without a known channel"),
             (self.excerpt_count, "messages kept in part"),
@@ -195,6 +205,7 @@ def _all_told(reports: Sequence[tuple[Part, ReadReport]]) -> ReadReport:
         told.unplaced_count += report.unplaced_count
         told.excerpt_count += report.excerpt_count
         told.resumed_count += report.resumed_count
+        told.begun_anew_count += report.begun_anew_count
         told.derived_count += report.derived_count
         told.dropped_count = max(told.dropped_count, report.dropped_count)
         told.end_ns = report.end_ns
@@ -280,6 +291,7 @@ class _Scan:
             self.report.dropped_count = int(values["count"])
         elif metadata.name == RESUMED:
             self.report.resumed_count += 1
+            self.report.begun_anew_count += values.get("begun_from") == "last_told"
         elif metadata.name == CONTINUED:
             self.report.continued = True
         elif metadata.name == END:

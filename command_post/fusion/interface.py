@@ -53,6 +53,17 @@ class Changes(NamedTuple):
     mishaps: list[Mishap]
 
 
+class WayTold(NamedTuple):
+    """Where a responder was told to be, and how their unit was turned then (rad).
+
+    ``is_loose`` doubts the unit's scale.
+    """
+
+    told: Estimate
+    turn_rad: float
+    is_loose: bool
+
+
 class Doubt(NamedTuple):
     """What is held to be wrong with a node since a time, in words, and how certain that is."""
 
@@ -110,6 +121,9 @@ class Fusion(Protocol):
 
     def forget(self, before_ns: int) -> None:
         """Nothing comes any more that happened before ``before_ns``: drop what is of no use now."""
+
+    def begin_from(self, ways: Mapping[str, WayTold], daps: Mapping[str, InstalledDap]) -> bool:
+        """Begin where everybody was told to be; ``False`` if the method cannot."""
 
     def take_changes(self) -> Changes:
         """Return what has changed since this was last asked, in the order of the ids."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from command_post.fusion.dap_map import DapMap, InstalledDap
-from command_post.fusion.interface import Changes, Doubt
+from command_post.fusion.interface import Changes, Doubt, WayTold
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.track import Estimate, Track, origin
 from shared.messages import (
@@ -134,6 +134,10 @@ class Tracker:
 
     def forget(self, before_ns: int) -> None:
         """Do nothing: no more is kept than where everybody is."""
+
+    def begin_from(self, ways: Mapping[str, WayTold], daps: Mapping[str, InstalledDap]) -> bool:  # noqa: ARG002
+        """Return that this is none of this method's: a cloud is more than was told of it."""
+        return False
 
     def take_changes(self) -> Changes:
         """Return what has changed since this was last asked."""

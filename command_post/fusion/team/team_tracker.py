@@ -16,9 +16,10 @@ import numpy as np
 
 from command_post.fusion.cloud.cloud import Cloud
 from command_post.fusion.dap_map import InstalledDap
-from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack
+from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack, WayTold
 from command_post.fusion.team.agenda import Agenda
 from command_post.fusion.team.anchors import cut, with_past
+from command_post.fusion.team.begun import begin
 from command_post.fusion.team.commits import Commits
 from command_post.fusion.team.crews import EVERYBODY, Bonds, Crew
 from command_post.fusion.team.dap_places import apart_m, daps_of
@@ -192,6 +193,17 @@ class TeamTracker:
             anchors, begin_ns = found
             forget(self._log, anchors, begin_ns, self._settings)
             self._is_whole = False
+
+    def begin_from(self, ways: Mapping[str, WayTold], daps: Mapping[str, InstalledDap]) -> bool:
+        """Begin where everybody was told to be, in place of all that was heard before."""
+        self._poses = begin(self._log, self._bonds, ways, daps, self._settings)
+        self._daps, self._told_daps = dict(daps), dict(daps)
+        self._is_whole = False
+        for name, way in ways.items():
+            self._lines.note(way.told.time_ns)
+            self._kept_ns[name] = way.told.time_ns
+            self._estimates[name] = self._estimate(name, way.told.time_ns)
+        return True
 
     def take_changes(self) -> Changes:
         """Return what events and ticks have changed since this was last asked."""
