@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from command_post.fusion.track import Estimate
 from command_post.handing_over import FUSED
 from shared.codec import decode, parse_key
-from shared.mcap_reader import RecordedMessage
 from shared.messages import Alert, DapEstimate, Message, TrackEstimate
 from shared.topics import TOPICS, Key
 from shared.units import NS_PER_S
@@ -25,6 +24,26 @@ TAIL_NS = 60 * NS_PER_S
 RARE = frozenset(
     name for name, topic in TOPICS.items() if not topic.rate_hz and name not in FUSED
 ) | {"start", "installation"}
+
+
+class Recorded(Protocol):
+    """A message as it was recorded; ``outgoing`` ones were made of those received."""
+
+    @property
+    def log_time_ns(self) -> int:
+        """When it was received, or made."""
+
+    @property
+    def key(self) -> str:
+        """The key it came or went under."""
+
+    @property
+    def payload(self) -> bytes:
+        """Its bytes."""
+
+    @property
+    def outgoing(self) -> bool:
+        """Whether it was made."""
 
 
 class LastTold(NamedTuple):
@@ -39,14 +58,12 @@ class LastTold(NamedTuple):
     dap_places: Mapping[str, tuple[str, bytes, DapEstimate]]
     alerts: list[Alert]
     next_sequences: Mapping[str, int]
-    to_handle: list[RecordedMessage]
+    to_handle: list[Recorded]
     moves: int
     last_ns: int
 
 
-def read_last_told(
-    recorded: Iterable[RecordedMessage], note: Callable[[str, bytes], object]
-) -> LastTold:
+def read_last_told(recorded: Iterable[Recorded], note: Callable[[str, bytes], object]) -> LastTold:
     """Return what was told last of all that is ``recorded``; ``note`` is told what was received."""
     found = _Found()
     for each in recorded:
@@ -63,18 +80,18 @@ class _Found:
 
     def __init__(self) -> None:
         self._keys: dict[str, Key | None] = {}
-        self._kept: list[tuple[int, RecordedMessage]] = []
-        self._tail: deque[tuple[int, RecordedMessage]] = deque()
-        self._last_moves: dict[str, tuple[int, RecordedMessage]] = {}
+        self._kept: list[tuple[int, Recorded]] = []
+        self._tail: deque[tuple[int, Recorded]] = deque()
+        self._last_moves: dict[str, tuple[int, Recorded]] = {}
         """By key: who stands still is headed as they were."""
 
         self._tracks: dict[str, TrackEstimate] = {}
         self._daps: dict[str, tuple[str, bytes, DapEstimate]] = {}
         self._alerts: dict[int, Alert] = {}
-        self._last: dict[str, RecordedMessage] = {}
+        self._last: dict[str, Recorded] = {}
         self._moves = self._last_ns = self._number = 0
 
-    def heard(self, each: RecordedMessage) -> None:
+    def heard(self, each: Recorded) -> None:
         """Keep what is rare, and the rest for a while."""
         self._number += 1
         self._last_ns = each.log_time_ns
@@ -92,7 +109,7 @@ class _Found:
         while self._tail and self._tail[0][1].log_time_ns < self._last_ns - TAIL_NS:
             self._tail.popleft()
 
-    def told(self, each: RecordedMessage) -> None:
+    def told(self, each: Recorded) -> None:
         """Note what was said."""
         self._last_ns = each.log_time_ns
         key = self._key(each.key)

@@ -70,8 +70,8 @@ def begin_anew(
     last = read_last_told(recorded, recall)
     if last.moves < SOON_HANDLED or incident.settings.fusion.method != "team":
         return None
-    for time_ns, _, key, payload, _ in last.to_handle:
-        incident.recall(key, payload, time_ns)
+    for each in last.to_handle:
+        incident.recall(each.key, each.payload, each.log_time_ns)
     made = incident.begin_from(last)
     told_at = datetime.fromtimestamp(last.last_ns / NS_PER_S, UTC).astimezone()
     words = (

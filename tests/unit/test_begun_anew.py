@@ -109,8 +109,8 @@ def until_killed(walked: list[Said]) -> list[Said]:
 def begun_anew(path: Path) -> tuple[Incident, LastTold]:
     recorded = read_recording(path.with_name("a.mcap.part"))
     last, incident = read_last_told(recorded, Gate().recall), Incident(SETTINGS)
-    for time_ns, _, key, payload, _ in last.to_handle:
-        incident.recall(key, payload, time_ns)
+    for each in last.to_handle:
+        incident.recall(each.key, each.payload, each.log_time_ns)
     incident.begin_from(last)
     return incident, last
 
