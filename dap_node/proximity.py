@@ -19,18 +19,16 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import fsum
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 import msgspec
 from msgspec import Meta
 
+from dap_node.range_filter import RangeFilter
 from dap_node.range_settings import Belief, RangeSettings
 from shared.messages import NodeId
 from shared.rssi_window import Readings, Summary, sum_up
 from shared.units import NS_PER_S
-
-if TYPE_CHECKING:
-    from dap_node.range_filter import RangeFilter
 
 Dbm: TypeAlias = Annotated[float, Meta(ge=-200.0, le=100.0)]
 Variance: TypeAlias = Annotated[float, Meta(gt=0.0, le=1e4)]
@@ -108,7 +106,7 @@ class Witness:
     def __init__(self, settings: ProximitySettings, *, believes: bool) -> None:
         self._window_ns = _ns(settings.window_s)
         self._readings = Readings()
-        self._filter = _range_filter(settings.range) if believes else None
+        self._filter = RangeFilter(settings.range) if believes else None
         self._believed_ns = -1
         self._last_heard_ns = 0
 
@@ -279,13 +277,6 @@ class ProximityDetector:
             if stays.is_near or witness.remembers(now_ns)
         }
         return [proximity for proximity in told if proximity is not None]
-
-
-def _range_filter(settings: RangeSettings) -> RangeFilter:
-    # A DAP that needs no arrays is not to load what they take.
-    from dap_node.range_filter import RangeFilter  # noqa: PLC0415
-
-    return RangeFilter(settings)
 
 
 def _ns(duration_s: float) -> int:

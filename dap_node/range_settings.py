@@ -1,7 +1,4 @@
-"""What the filter over range is set to and says, apart from what computes it.
-
-A DAP that tells nearness by the published rule has no room for arrays, nor any use for them.
-"""
+"""What the filter over range is set to and says, apart from what computes it."""
 
 from __future__ import annotations
 

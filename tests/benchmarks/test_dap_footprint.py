@@ -72,11 +72,20 @@ dap_node.__main__.main()
     return [sys.executable, "-c", program, *command[3:], "--source", "ble:hci0"]
 
 
-@pytest.mark.parametrize("hears_bluetooth", [False, True])
+def with_likelihood(folder: Path, command: list[str]) -> list[str]:
+    """Return what runs the same, but weighs likelihoods."""
+    (folder / "dap.toml").write_text('[proximity]\nmethod = "likelihood"\n')
+    return [*command, "--config", str(folder / "dap.toml")]
+
+
+@pytest.mark.parametrize("does_all", [False, True])
 def test_a_dap_at_work_is_small(
-    benchmark: BenchmarkFixture, tmp_path: Path, hears_bluetooth: bool
+    benchmark: BenchmarkFixture, tmp_path: Path, does_all: bool
 ) -> None:
-    """With keys, linked to a post, 20 stations heard by hostapd five times a second."""
+    """With keys, linked to a post, 20 stations heard by hostapd five times a second.
+
+    As it is set, and with Bluetooth and the likelihood besides.
+    """
     keys = Keys(tmp_path / "keys", ["post", "dap2"])
     rows = "".join(f"responder,r{n},{address}\n" for n, address in enumerate(ADDRESSES))
     (tmp_path / "stations.csv").write_text(f"role,id,address\n{rows}")
@@ -92,8 +101,8 @@ def test_a_dap_at_work_is_small(
         hostapd.busy = True
         post.subscribe("clew/v1/fire/dap/dap2/rssi", heard.append)
         command = command_line(tmp_path, keys["dap2"].folder, post.locators()[0])
-        if hears_bluetooth:
-            command = with_bluetooth(tmp_path, command)
+        if does_all:
+            command = with_likelihood(tmp_path, with_bluetooth(tmp_path, command))
         with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
             try:
                 wait_for(lambda: len(heard) > STATIONS, "the first scans")
@@ -110,7 +119,7 @@ def test_a_dap_at_work_is_small(
     benchmark(lambda: None)
     assert resident < MOST_RESIDENT_MB
     assert not [name for name in ("scipy", "numpy", "numba", "matplotlib") if name in mapped]
-    assert ("dbus_fast" in mapped) is hears_bluetooth
+    assert ("dbus_fast" in mapped) is does_all
 
 
 def test_taking_the_kernels_answers_apart(benchmark: BenchmarkFixture) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from dap_node.range_filter import POWER_AT_1_M_DBM, RangeFilter
 from dap_node.range_settings import Belief, RangeSettings
@@ -88,6 +89,56 @@ def test_a_link_that_is_weaker_throughout_is_found_out() -> None:
         found.append(after(one, len(walk_dbm)).offset_db)
     assert found == sorted(found)
     assert found[2] - found[0] > 4.0
+
+
+def exact(rssi_dbm: list[float], period_s: float) -> tuple[float, float]:
+    """Return log odds and mean range after readings, with motion as it is exactly."""
+    near_m, edges = SETTINGS.near_m, [SETTINGS.near_m * ring / 3 for ring in range(4)]
+    while edges[-1] < SETTINGS.farthest_m:
+        edges.append(edges[-1] + 1.25 * (edges[-1] - edges[-2]))
+    edge_m = np.array(edges)
+    area_m2 = np.pi * np.diff(edge_m**2)
+    range_m = np.sqrt((edge_m[1:] ** 2 + edge_m[:-1] ** 2) / 2.0)
+    crossing = SETTINGS.diffusion_m2_s * 2.0 * np.pi * edge_m[1:-1] / np.diff(range_m)
+    rate = np.diag(crossing / area_m2[:-1], -1) + np.diag(crossing / area_m2[1:], 1)
+    rate -= np.diag(rate.sum(axis=0))
+    steps = np.linspace(-2.0, 2.0, 9)
+    belief = np.outer(area_m2 / area_m2.sum(), np.exp(-0.5 * steps**2))
+    loss_db = 10.0 * SETTINGS.exponent * np.log10(np.hypot(range_m, SETTINGS.height_m))
+    mean_dbm = POWER_AT_1_M_DBM - loss_db[:, None] + SETTINGS.offset_sd_db * steps
+    mean_dbm[edge_m[:-1] >= SETTINGS.far_m] = SETTINGS.far_dbm
+    is_far = (edge_m[:-1] >= SETTINGS.far_m)[:, None]
+    spread_db = np.where(is_far, SETTINGS.far_spread_db, SETTINGS.spread_db)
+    share = np.where(is_far, 0.0, SETTINGS.body_share)
+
+    def density(over_db: np.ndarray) -> np.ndarray:
+        return np.asarray(np.exp(-0.5 * (over_db / spread_db) ** 2) / spread_db)
+
+    step = expm(rate * period_s)
+    motion, weight = np.eye(len(rate)), 1.0
+    for reading_dbm in rssi_dbm:
+        over_db = reading_dbm - mean_dbm
+        said = (1.0 - share) * density(over_db) + share * density(over_db + SETTINGS.body_loss_db)
+        belief = (motion @ belief) * (said + 1e-8) ** weight
+        belief /= belief.sum()
+        motion, weight = step, min(1.0, period_s / SETTINGS.coherence_s)
+    rings = belief.sum(axis=1)
+    near = rings[edge_m[1:] <= near_m + 1e-9].sum()
+    return float(np.log(near / (1.0 - near))), float(rings @ range_m)
+
+
+@pytest.mark.parametrize("period_s", [0.2, 0.5, 3.0])
+def test_it_holds_what_exact_motion_would(period_s: float) -> None:
+    chance = np.random.default_rng(4)
+    range_m = np.concatenate([np.linspace(9.0, 0.5, 30), np.linspace(0.5, 12.0, 30)])
+    rssi_dbm = [level_dbm(each) + chance.normal(0.0, 5.0) for each in range_m.tolist()]
+    one = RangeFilter(SETTINGS)
+    for number, dbm in enumerate(rssi_dbm, start=1):
+        one.hear(round(number * period_s * NS_PER_S), dbm)
+        held = one.believe(round(number * period_s * NS_PER_S))
+        if number % 10 == 0:
+            meant = exact(rssi_dbm[:number], period_s)
+            assert (held.log_odds, held.range_m) == pytest.approx(meant, abs=0.25)
 
 
 @pytest.mark.parametrize(
