@@ -36,6 +36,8 @@ def _worries(state: DapState) -> Iterator[str]:
         yield f"battery at {state.battery_share:.0%}"
     if state.temperature_c is not None and state.temperature_c >= HOT_C:
         yield f"{state.temperature_c:.0f} °C hot"
+    if state.worry is not None:
+        yield state.worry
 
 
 def _well(state: DapState) -> str:

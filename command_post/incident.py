@@ -12,7 +12,6 @@ from types import MappingProxyType
 
 from command_post.announcer import Announcer, Outgoing
 from command_post.begin_anew import begun_ns, daps_told, places_told, still_to_fuse, ways_told
-from command_post.box_words import box_words
 from command_post.command_desk import CommandDesk
 from command_post.dating import Dating
 from command_post.doubt_watch import DoubtWatch
@@ -197,7 +196,7 @@ class Incident:
 
     def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
         silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
-        words = [*box_words(self._told.boxes.get(dap_id), silent_ns)]
+        words = self._told.of_box(dap_id, silent_ns, now_ns)
         if dap_id in self._handing_over.nowhere and dap_id not in self._tracker.daps:
             words.append(self._handing_over.nowhere[dap_id])
         return words

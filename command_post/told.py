@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from command_post.box_words import box_words
+from command_post.last_signs import LastSigns
 from command_post.supplies import supplies_of
 from shared.messages import (
     Alarm,
@@ -49,9 +51,11 @@ class Told:
         self.health: dict[str, NodeHealth] = {}
         self.movements: dict[str, LastMovement] = {}
         self.supplies: dict[tuple[Role, str], Supplies] = {}
+        self._signs = LastSigns()
 
     def take(self, role: Role, node_id: str, message: Message, now_ns: int) -> None:
         """Keep ``message``, heard at ``now_ns``, if it is the newest of its kind."""
+        self._signs.take(role, node_id, message, now_ns)
         match message:
             case Beat(supplies=Supplies() as supplies):
                 self.supplies[role, node_id] = supplies
@@ -72,6 +76,17 @@ class Told:
                 last = self.movements.get(node_id)
                 if last is None or _is_newer(message, last.increment):
                     self.movements[node_id] = LastMovement(message, now_ns)
+
+    def of_box(self, dap_id: str, silent_ns: int, now_ns: int) -> list[str]:
+        """Return in words what is wrong with a DAP's box; of a dead one why, as far as is known.
+
+        ``silent_ns`` is for how long nothing was heard of it.
+        """
+        state = self.boxes.get(dap_id)
+        words = [*box_words(state, silent_ns)]
+        if state is None or state.going is None:
+            words += self._signs.words(dap_id, now_ns)
+        return words
 
     def _take_alarm(self, node_id: str, alarm: Alarm, now_ns: int) -> None:
         of_node = self.alarms.setdefault(node_id, {})

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
+from functools import partial
 from threading import Event
 
 import structlog
@@ -12,7 +13,7 @@ from dap_node.box import SWITCHED_OFF, BoxDesk
 from dap_node.kept_standing import KeptStanding
 from dap_node.node import DapNode
 from dap_node.scanners.live import live_observations
-from dap_node.scanners.observation import Observation, SetDown
+from dap_node.scanners.observation import Motion, Observation, SetDown
 from dap_node.scanners.opening import Playable
 from dap_node.self_installation import SelfInstallation
 from dap_node.work import Work
@@ -36,6 +37,8 @@ from shared.process import (
     stop_with_parent,
     wait_until,
 )
+from shared.radios.live import LiveSource
+from shared.radios.readings import RadioScan
 from shared.security.bundle import Bundle
 from shared.strangers import NOBODY, AtLinks
 from shared.topics import Key, Role, alive_key
@@ -88,7 +91,8 @@ def work(told: Work) -> int:
                 if isinstance(opened, Playable):
                     _play(node, dap, opened, None if told.await_start else told.speed)
                 else:
-                    follow_live(node, dap, live_observations(opened, node.clock, stop, button))
+                    observations = live_observations(opened, node.clock, stop, button)
+                    follow_live(node, dap, observations, partial(gone, opened))
                 bus.ask_no_more()
     except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
@@ -96,9 +100,19 @@ def work(told: Work) -> int:
     return ExitCode.OK
 
 
-def follow_live(node: Node, dap: DapNode, observations: Iterable[Observation]) -> None:
+def gone(sources: Sequence[LiveSource[RadioScan | Motion]]) -> list[str]:
+    """Return the names of the ``sources`` that are gone, and looked for."""
+    return [source.name for source in sources if source.is_away]
+
+
+def follow_live(
+    node: Node,
+    dap: DapNode,
+    observations: Iterable[Observation],
+    are_gone: Callable[[], Sequence[str]] = tuple,
+) -> None:
     """Hand each observation to the DAP; say what its box is like, and why it goes off at last."""
-    box = BoxDesk(node.sender())
+    box = BoxDesk(node.sender(), gone=are_gone)
     why = SWITCHED_OFF
     try:
         for observation in observations:

@@ -6,7 +6,7 @@ Whoever finds a DAP silent is to know what it was like before. Linux shows the b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -47,9 +47,16 @@ def look_at_box(power: Path = POWER_SUPPLIES, thermal: Path = THERMAL) -> Box:
 class BoxDesk:
     """Says what the box is like now and then, and why it goes off. To be used by one thread."""
 
-    def __init__(self, sender: Sender, look: Callable[[], Box] = look_at_box) -> None:
+    def __init__(
+        self,
+        sender: Sender,
+        look: Callable[[], Box] = look_at_box,
+        gone: Callable[[], Sequence[str]] = tuple,
+    ) -> None:
+        """``gone``: the names of the radios and sensors that are gone."""
         self._sender = sender
         self._look = look
+        self._gone = gone
         self._due_ns = 0
 
     def pass_time(self, now_ns: int) -> None:
@@ -64,6 +71,7 @@ class BoxDesk:
 
     def _say(self, now_ns: int, going: str | None) -> None:
         box = self._look()
+        worry = ", ".join(f"{name} is gone" for name in self._gone())[:MOST_WORDS]
         self._sender.send(
             DapState(
                 event_time_ns=now_ns,
@@ -71,6 +79,7 @@ class BoxDesk:
                 battery_share=box.battery_share,
                 temperature_c=box.temperature_c,
                 going=going,
+                worry=worry or None,
             )
         )
 

@@ -37,6 +37,7 @@ class IioAccelerometer:
         self._name = name
         self._folder = DEVICES / f"iio:device{number}"
         self._period_s = 1.0 / rate_hz
+        self._is_away = False
         try:
             self._calibration = [self._scale_and_offset(axis) for axis in AXES]
             self._read()
@@ -48,22 +49,26 @@ class IioAccelerometer:
         """What the command line calls it."""
         return self._name
 
+    @property
+    def is_away(self) -> bool:
+        """Whether it is gone, and looked for."""
+        return self._is_away
+
     def listen(
         self, deliver: Callable[[Motion], None], now_ns: Callable[[], int], stop: Event
     ) -> None:
         """Deliver what it reads, a few samples at once, until ``stop`` is set."""
         gathered: list[tuple[int, Vector3]] = []
-        is_away = False
         due_s = time.monotonic()
         while not stop.wait(max(due_s - time.monotonic(), 0.0)):
             try:
                 gathered.append((now_ns(), self._read()))
             except (OSError, ValueError) as error:
-                if not is_away:
+                if not self._is_away:
                     _log.error("the accelerometer fails", source=self._name, why=str(error))
-                is_away, due_s = True, time.monotonic() + TRY_AGAIN_S
+                self._is_away, due_s = True, time.monotonic() + TRY_AGAIN_S
                 continue
-            is_away, due_s = False, max(due_s + self._period_s, time.monotonic())
+            self._is_away, due_s = False, max(due_s + self._period_s, time.monotonic())
             if len(gathered) >= SAMPLES_AT_ONCE:
                 deliver(Motion(gathered[-1][0], tuple(gathered)))
                 gathered = []

@@ -107,15 +107,16 @@ class DapInstallation(Message, frozen=True, kw_only=True, omit_defaults=True):
     at_rest: bool = False
 
 
-class DapState(Message, frozen=True, kw_only=True):
+class DapState(Message, frozen=True, kw_only=True, omit_defaults=True):
     """What a DAP's box is like: how much battery is left, how hot it is; ``None``: it cannot tell.
 
-    ``going`` says why it is heard no more from now on.
+    ``going`` says why it is heard no more from now on, ``worry`` what of it does not work.
     """
 
     battery_share: Confidence | None
     temperature_c: Annotated[float, Meta(ge=-300.0, le=2000.0)] | None
     going: Words | None
+    worry: Words | None = None
 
 
 class SetDownHere(Message, frozen=True, kw_only=True):

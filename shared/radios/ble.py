@@ -59,6 +59,11 @@ class BleSource:
         """What the command line calls it."""
         return self._name
 
+    @property
+    def is_away(self) -> bool:
+        """Whether it is gone, and looked for."""
+        return self._is_away
+
     def listen(self, deliver: Deliver, now_ns: Callable[[], int], stop: Event) -> None:
         """Deliver a scan a period, until ``stop`` is set."""
         asyncio.run(self._listen(deliver, now_ns, stop))

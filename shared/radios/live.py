@@ -32,6 +32,10 @@ class LiveSource(Protocol[T_co]):
     def name(self) -> str:
         """What the command line calls it, as in ``nl80211:wlan0``."""
 
+    @property
+    def is_away(self) -> bool:
+        """Whether it is gone, and looked for."""
+
     def listen(
         self, deliver: Callable[[T_co], None], now_ns: Callable[[], int], stop: Event
     ) -> None:
@@ -73,6 +77,11 @@ class PolledSource:
     def name(self) -> str:
         """What the command line calls it."""
         return self._name
+
+    @property
+    def is_away(self) -> bool:
+        """Whether it is gone, and looked for."""
+        return self._radio is None
 
     def listen(
         self, deliver: Callable[[RadioScan], None], now_ns: Callable[[], int], stop: Event

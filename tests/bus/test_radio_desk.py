@@ -29,6 +29,7 @@ class PassingBy:
     """A radio that hears a DAP pass, again and again."""
 
     name = "script"
+    is_away = False
 
     def listen(
         self, deliver: Callable[[RadioScan], None], now_ns: Callable[[], int], stop: Event

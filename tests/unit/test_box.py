@@ -11,6 +11,7 @@ import pytest
 from command_post.box_words import box_words
 from command_post.incident import Incident, IncidentSettings
 from command_post.roster import RosterSettings, make_roster
+from command_post.told import Told
 from dap_node.at_work import follow_live
 from dap_node.box import PERIOD_NS, Box, BoxDesk, look_at_box
 from dap_node.node import DapNode
@@ -18,7 +19,7 @@ from dap_node.scanners.observation import Observation, Scan
 from shared.bus.memory import MemoryNetwork
 from shared.clock import ManualClock
 from shared.codec import Refusal, decode, encode, parse_key
-from shared.messages import DapState
+from shared.messages import DapInstallation, DapState, NeighbourHeard
 from shared.node import Node
 from shared.sender import Sender
 from shared.units import NS_PER_S
@@ -130,6 +131,55 @@ def test_a_dap_that_ends_says_goodbye_and_why(fails: bool) -> None:
 )
 def test_what_a_commander_reads(said: DapState | None, silent_s: float, words: list[str]) -> None:
     assert [*box_words(said, round(silent_s * NS_PER_S))] == words
+
+
+def near(dap_id: str, seconds: float) -> NeighbourHeard:
+    return NeighbourHeard(
+        event_time_ns=START_NS + round(seconds * NS_PER_S), sequence=round(seconds), dap_id=dap_id,
+        rssi_mean_dbm=-70.0, rssi_variance_db2=4.0, sample_count=9,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("goes", "still_heard_s", "words"),
+    [
+        (None, 80.0, "its radio is still heard by d2: only its link is lost"),
+        (None, 5.0, "its radio is heard no more by d2 either: it is off, or destroyed"),
+        (None, None, None),
+        ("switched off", 5.0, None),
+    ],
+)
+def test_who_else_hears_a_dead_dap_tells_what_became_of_it(
+    goes: str | None, still_heard_s: float | None, words: str | None
+) -> None:
+    told = Told()
+    told.take("dap", "d1", state(0.0, Box(0.9, None), goes), START_NS)
+    for seconds in range(0, 101, 5):
+        if still_heard_s is not None:
+            heard = near("d1" if seconds <= still_heard_s else "d3", seconds)
+            told.take("dap", "d2", heard, heard.event_time_ns)
+    now_ns = START_NS + 100 * NS_PER_S
+    assert told.of_box("d1", 100 * NS_PER_S, now_ns)[1:] == ([words] if words else [])
+    goodbye = [] if goes is None else [f"went off: {goes}"]
+    assert told.of_box("d1", 0, START_NS + NS_PER_S) == goodbye
+
+
+def test_it_is_told_that_a_box_was_taken_up_shortly_before() -> None:
+    up = DapInstallation(event_time_ns=START_NS, sequence=0, installer_id=None, position=None)
+    for later_s, words in ((50, ["taken up 50 s before it fell silent"]), (70, [])):
+        told = Told()
+        told.take("dap", "d1", up, START_NS)
+        told.take("dap", "d1", state(later_s, Box(0.9, None)), START_NS + later_s * NS_PER_S)
+        now_ns = START_NS + (later_s + 30) * NS_PER_S
+        assert told.of_box("d1", 30 * NS_PER_S, now_ns)[1:] == words
+
+
+def test_a_radio_that_is_gone_is_told() -> None:
+    post = Post()
+    BoxDesk(post.sender(), lambda: Box(0.9, 30.0), lambda: ["ble:hci0"]).pass_time(START_NS)
+    (said,) = post.heard
+    assert [*box_words(said, 0)] == ["ble:hci0 is gone"]
+    assert [*box_words(said, 11 * NS_PER_S)] == ["fell silent, last ble:hci0 is gone"]
 
 
 def test_a_dead_dap_is_shown_with_when_and_why_until_it_is_back() -> None:

@@ -94,6 +94,8 @@ class Script:
         self.scans = scans
         self.fault = fault
 
+    is_away = False
+
     def listen(self, deliver: Callable[[RadioScan], None], *_: object) -> None:
         """Deliver all of it."""
         for scan in self.scans:

@@ -21,7 +21,7 @@ from command_post.review.past import _Placed
 from command_post.roster import _ACTIVITIES, _DOUBTFUL, DapStatus, ResponderStatus
 from command_post.supplies import air_words, why_silent
 from command_post.teams import Left
-from command_post.told import why_nowhere
+from command_post.told import Told, why_nowhere
 from command_post.ways import Turn
 from command_post.web import app
 from edge_agent.agent import NOT_KEPT
@@ -38,6 +38,7 @@ from shared.messages import (
     ImuSample,
     LocalPosition,
     Mayday,
+    NeighbourHeard,
     NodeHealth,
     OrderKind,
     OutsideWord,
@@ -114,6 +115,7 @@ def boxes() -> Iterator[str]:
             )
             for silent_ns in (0, 10**12):
                 yield from box_words(state, silent_ns)
+    yield from dead_boxes()
     for at_rest in (False, True):
         yield (
             why_nowhere(
@@ -126,6 +128,26 @@ def boxes() -> Iterator[str]:
     for told in (None, Supplies(battery=0.01), Supplies(temperature_c=99.0)):
         yield f"nothing heard for 10 s: {why_silent('dap', told)}"
     yield air_words(Supplies(air_bar=20.0, air_left_s=60.0))
+
+
+def dead_boxes() -> Iterator[str]:
+    """Yield what is said of a DAP that has fallen silent, by what others hear of it."""
+    box = DapState(
+        event_time_ns=0, sequence=0, battery_share=None, temperature_c=None, going=None,
+        worry="ble:hci0 is gone",
+    )  # fmt: skip
+    near = NeighbourHeard(
+        event_time_ns=0, sequence=0, dap_id="d1", rssi_mean_dbm=-70.0, rssi_variance_db2=1.0,
+        sample_count=9,
+    )  # fmt: skip
+    up = DapInstallation(event_time_ns=0, sequence=0, installer_id=None, position=None)
+    for later_s in (1, 50):
+        told = Told()
+        for message in (box, up):
+            told.take("dap", "d1", message, 0)
+        told.take("dap", "d2", near, later_s * 10**9)
+        told.take("dap", "d2", box, 60 * 10**9)
+        yield from told.of_box("d1", 60 * 10**9, 60 * 10**9)
 
 
 def strangers() -> Iterator[str]:
