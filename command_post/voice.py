@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Callable, Sequence
 from functools import partial
+from hashlib import blake2b
 
 from command_post.recording import Outgoing
 from shared.bus.interface import Bus, Received
@@ -13,6 +14,7 @@ from shared.sender import Outbox
 from shared.topics import TOPICS, Topic
 
 MOST_ON_THE_WAY = 20_000
+DIGEST_BYTES = 16
 
 
 class Voice:
@@ -32,12 +34,12 @@ class Voice:
         self._kept: deque[Outgoing] = deque()
         """Promises that can be given now."""
 
-        self._said: OrderedDict[Received, None] = OrderedDict()
-        """What was published last: the bus hands a node's own messages back to it."""
+        self._said: OrderedDict[bytes, None] = OrderedDict()
+        """Digests of what was published last: the bus hands a node's own messages back to it."""
 
     def is_own(self, received: Received) -> bool:
         """Whether this is what was said of late, in these very bytes."""
-        return received in self._said
+        return _digest(received) in self._said
 
     def say(self, outgoing: Sequence[Outgoing]) -> list[Received]:
         """Publish all of it but what waits, and what has waited and is kept by now.
@@ -62,12 +64,18 @@ class Voice:
         key, payload = message.key, message.payload
         sealed = payload if self._outbox is None else self._outbox.seal(topic, key, payload)
         said = Received(key, sealed)
-        self._said[said] = None
-        self._said.move_to_end(said)
+        digest = _digest(said)
+        self._said[digest] = None
+        self._said.move_to_end(digest)
         if len(self._said) > MOST_ON_THE_WAY:
             self._said.popitem(last=False)
         self._bus.publish(said.key, said.payload, topic.priority)
         return said
+
+
+def _digest(said: Received) -> bytes:
+    """Return what tells a message from any other: a tenth of it, to be remembered."""
+    return blake2b(said.payload, key=said.key.encode()[-64:], digest_size=DIGEST_BYTES).digest()
 
 
 def _topic_of(message: Outgoing) -> Topic:
