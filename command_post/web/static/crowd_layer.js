@@ -1,7 +1,7 @@
 // Who is where, how surely, and the ways they came, drawn as one picture: two hundred people who move
 // ten times a second leave no time for features of their own.
 /* global ol */
-import { stroke, TrailPicture } from "./trail_picture.js";
+import { TrailPicture } from "./trail_picture.js";
 import { word } from "./words.js";
 
 const SIDES = { tracking: 0, dead_reckoning: 4, recovering: 3, lost: 4 };
@@ -17,12 +17,15 @@ const GRAVE = new Set(["mayday", "fall", "motionless", "low_air"]);
 const RING = 24;
 const MOST_PICTURED = 64;
 const MOST_REGIONS = 1000;
-const REGION_TURN_RAD = Math.PI / 90;
+const REGION_STEP = 0.1;
+const REGION_TURN_RAD = Math.PI / 30;
 const REGION_LINE = 1.5;
 
 export class CrowdLayer extends ol.layer.Layer {
   #model;
   #canvas = document.createElement("canvas");
+  #beneath = document.createElement("canvas");
+  #beneathDue = 0;
   #element = document.createElement("div");
   #trails;
   #view = null;
@@ -41,7 +44,7 @@ export class CrowdLayer extends ol.layer.Layer {
     this.#trails = new TrailPicture(model, (id) => this.#lookOfTrail(id));
     this.#trails.canvas.className = "trails";
     this.#element.className = "crowd";
-    this.#element.append(this.#canvas);
+    this.#element.append(this.#beneath, this.#canvas);
     const ground = Object.assign(document.createElement("div"), { className: "crowd" });
     ground.append(this.#trails.canvas);
     this.ground = new ol.layer.Layer({ render: () => ground });
@@ -82,36 +85,47 @@ export class CrowdLayer extends ol.layer.Layer {
 
   render(frame) {
     this.#view = viewOf(frame);
-    this.#paint(frame.time, frame.viewHints.some((hint) => hint > 0));
+    this.#paint();
+    this.#paintBeneath(frame.time, frame.viewHints.some((hint) => hint > 0));
     return this.#element;
   }
 
-  /** Draw people where they are now; the map around them stands as it is. */
+  /** Draw people where they are now, and in the next frame what lies beneath them: neither frame has time for both. */
   redraw() {
-    if (this.#view === null) this.changed();
-    else this.#paint(Date.now(), false);
+    if (this.#view === null) { this.changed(); return; }
+    this.#paint();
+    if (!this.#beneathDue) this.#beneathDue = requestAnimationFrame(() => this.#paintBeneath(Date.now(), false));
   }
 
-  #paint(now_ms, moved) {
+  #paint() {
     const view = this.#view;
-    const [width, height] = [Math.round(view.width * view.ratio), Math.round(view.height * view.ratio)];
-    if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
-    this.#trails.show(view, now_ms, moved);
-    const pen = this.#canvas.getContext("2d");
-    pen.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
-    pen.clearRect(0, 0, view.width, view.height);
+    const pen = cleared(this.#canvas, view);
     const alerts = this.#model.openAlerts();
     this.#alerted = new Set(alerts.map((alert) => alert.node_id));
     this.#grave = new Map(alerts.filter((alert) => GRAVE.has(alert.kind)).reverse().map((alert) => [alert.node_id, alert]));
-    const people = [...this.#model.tracks.values()].map((track) => this.#placed(track, view));
+    const people = this.#placedIn(view);
     this.drawn = new Map(people.map(({ track }) => [track.responder_id, [track.east_m, track.north_m]]));
-    const seen = people.filter(({ x, y }) => x > -MARGIN && y > -MARGIN && x < view.width + MARGIN && y < view.height + MARGIN);
-    this.#drawRegions(pen, people, view);
-    this.#drawTails(pen, seen, view);
+    const seen = people.filter((person) => isSeen(person, view));
     this.#drawRings(pen, seen);
     for (const person of seen) this.#drawPerson(pen, person, view.ratio);
     this.#drawLabels(pen, seen, view.ratio);
     this.dispatchEvent("drawn");
+  }
+
+  /** Draw the ways people came, and the regions that hold them. */
+  #paintBeneath(now_ms, moved) {
+    cancelAnimationFrame(this.#beneathDue);
+    this.#beneathDue = 0;
+    const view = this.#view;
+    this.#trails.show(view, now_ms, moved);
+    const pen = cleared(this.#beneath, view);
+    const people = this.#placedIn(view);
+    this.#drawRegions(pen, people, view);
+    this.#drawTails(pen, people.filter((person) => isSeen(person, view)), view);
+  }
+
+  #placedIn(view) {
+    return [...this.#model.tracks.values()].map((track) => this.#placed(track, view));
   }
 
   #placed(track, view) {
@@ -148,7 +162,8 @@ export class CrowdLayer extends ol.layer.Layer {
       const turn = track.bearing_rad - Math.PI / 2;
       if (x + axes[0] < 0 || y + axes[0] < 0 || x - axes[0] > view.width || y - axes[0] > view.height) continue;
       if (axes[0] <= MOST_PICTURED) {
-        const { picture, reach } = this.#region(axes.map(Math.round), Math.round(turn / REGION_TURN_RAD), look, view.ratio);
+        const [long, wide] = axes.map((axis) => Math.round(Math.log(Math.max(axis, 1)) / REGION_STEP));
+        const { picture, reach } = this.#region(long, wide, long === wide ? 0 : Math.round(turn / REGION_TURN_RAD), look, view.ratio);
         pen.drawImage(picture, x - reach, y - reach, 2 * reach, 2 * reach);
       } else {
         pen.beginPath();
@@ -158,32 +173,40 @@ export class CrowdLayer extends ol.layer.Layer {
     }
   }
 
-  /** A small ellipse as a picture, to half a pixel: two hundred paths take most of a frame's time. */
-  #region(axes, turn, look, ratio) {
-    const name = `${axes} ${turn} ${look.colour} ${look.faint} ${look.dash} ${ratio}`;
+  /** A small ellipse as a picture, to 5 % and 3°: two hundred paths take most of a frame's time. */
+  #region(long, wide, turn, look, ratio) {
+    const name = `${long} ${wide} ${turn} ${look.colour} ${look.faint} ${look.dash} ${ratio}`;
     const known = this.#regions.get(name);
     if (known) return known;
-    const reach = axes[0] + 2;
-    const picture = Object.assign(document.createElement("canvas"), { width: 2 * reach * ratio, height: 2 * reach * ratio });
-    const pen = picture.getContext("2d");
-    pen.setTransform(ratio, 0, 0, ratio, reach * ratio, reach * ratio);
+    const axes = [long, wide].map((steps) => Math.exp(steps * REGION_STEP));
+    const reach = Math.ceil(axes[0]) + 2;
+    const pen = penOf(2 * reach, 2 * reach, ratio);
+    pen.translate(reach, reach);
     pen.beginPath();
     pen.ellipse(0, 0, ...axes, turn * REGION_TURN_RAD, 0, 2 * Math.PI);
     paintRegion(pen, look);
     if (this.#regions.size >= MOST_REGIONS) this.#regions.clear();
-    const made = { picture, reach };
+    const made = { picture: pen.canvas.transferToImageBitmap(), reach };
     this.#regions.set(name, made);
     return made;
   }
 
-  /** The last steps up to where somebody is. */
+  /** The last steps up to where somebody is: those of a colour in one stroke. */
   #drawTails(pen, people, view) {
-    pen.lineWidth = 3;
-    pen.globalAlpha = TRAIL_ALPHA;
+    const tails = new Map();
     for (const { track, status, x, y } of people) {
       const tail = this.#trails.tail(track.responder_id).map(([north, east]) => view.at(north, east));
       if (status !== "lost") tail.push([x, y]);
-      if (tail.length > 1) stroke(pen, tail, this.#lookOfTrail(track.responder_id).colour);
+      if (tail.length < 2) continue;
+      const { colour } = this.#lookOfTrail(track.responder_id);
+      if (!tails.has(colour)) tails.set(colour, new Path2D());
+      const path = tails.get(colour);
+      tail.forEach(([tailX, tailY], index) => (index ? path.lineTo(tailX, tailY) : path.moveTo(tailX, tailY)));
+    }
+    Object.assign(pen, { lineWidth: 3, globalAlpha: TRAIL_ALPHA });
+    for (const [colour, path] of tails) {
+      pen.strokeStyle = colour;
+      pen.stroke(path);
     }
     pen.globalAlpha = 1;
   }
@@ -213,9 +236,8 @@ export class CrowdLayer extends ol.layer.Layer {
 
   /** What stands for a person: its shape says what their track is worth, an arrow where they face. */
   #symbol(status, colour, turn, ratio) {
-    const picture = Object.assign(document.createElement("canvas"), { width: 2 * REACH * ratio, height: 2 * REACH * ratio });
-    const pen = picture.getContext("2d");
-    pen.setTransform(ratio, 0, 0, ratio, REACH * ratio, REACH * ratio);
+    const pen = penOf(2 * REACH, 2 * REACH, ratio);
+    pen.translate(REACH, REACH);
     Object.assign(pen, { fillStyle: colour, strokeStyle: this.#colours.ground, lineWidth: 4, lineJoin: "round" });
     pen.beginPath();
     polygon(pen, 0, 0, RADIUS, SIDES[status] ?? 0, 0);
@@ -225,7 +247,7 @@ export class CrowdLayer extends ol.layer.Layer {
     }
     pen.stroke();
     pen.fill();
-    return picture;
+    return pen.canvas.transferToImageBitmap();
   }
 
   /** Write names: those of who is lost or alerted to first, and none over another. */
@@ -252,20 +274,37 @@ export class CrowdLayer extends ol.layer.Layer {
   #label(text, ratio) {
     const known = this.#labels.get(text);
     if (known?.ratio === ratio) return known;
-    const picture = document.createElement("canvas");
-    const pen = picture.getContext("2d");
-    pen.font = FONT;
-    const [wide, high] = [Math.ceil(pen.measureText(text).width) + 6, 24];
-    Object.assign(picture, { width: wide * ratio, height: high * ratio });
-    pen.scale(ratio, ratio);
+    const ruler = this.#canvas.getContext("2d");
+    ruler.font = FONT;
+    const [wide, high] = [Math.ceil(ruler.measureText(text).width) + 6, 24];
+    const pen = penOf(wide, high, ratio);
     Object.assign(pen, { font: FONT, textBaseline: "middle", lineWidth: 4, lineJoin: "round",
       strokeStyle: this.#colours.ground, fillStyle: this.#colours.ink });
     pen.strokeText(text, 3, high / 2);
     pen.fillText(text, 3, high / 2);
-    const label = { picture, wide, high, ratio };
+    const label = { picture: pen.canvas.transferToImageBitmap(), wide, high, ratio };
     this.#labels.set(text, label);
     return label;
   }
+}
+
+/** A pen on a picture as large as the map, of which nothing is left. */
+function cleared(canvas, view) {
+  const [width, height] = [Math.round(view.width * view.ratio), Math.round(view.height * view.ratio)];
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  const pen = canvas.getContext("2d");
+  pen.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
+  pen.clearRect(0, 0, view.width, view.height);
+  return pen;
+}
+
+const isSeen = ({ x, y }, view) => x > -MARGIN && y > -MARGIN && x < view.width + MARGIN && y < view.height + MARGIN;
+
+/** A pen for a picture of its own, so large in CSS pixels. */
+function penOf(wide, high, ratio) {
+  const pen = new OffscreenCanvas(Math.ceil(wide * ratio), Math.ceil(high * ratio)).getContext("2d");
+  pen.scale(ratio, ratio);
+  return pen;
 }
 
 /** How metres become places in the picture (CSS pixels), north up. */

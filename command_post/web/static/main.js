@@ -41,8 +41,9 @@ function draw() {
     view.drawDaps();
     view.drawSites();
     view.drawOutside();
-    drawPanels();
+    const isWhole = drawPanels();
     comparison?.show();
+    if (!isWhole) ask({ tracks: false, panels: true });
   }
   if (!drawnFirst && model.tracks.size) {
     drawnFirst = true;
@@ -50,13 +51,15 @@ function draw() {
   }
 }
 
+/** Write the lists; says whether that was all, or more is to be written in the next frame. */
 function drawPanels() {
   showFloors(model, chosenFloor, chooseFloor);
   showAlerts(model, may("operator"), { turn, assign });
-  showPeople(model, { centre: (id) => view.centre(id), wayOut, rescue });
+  const isWhole = showPeople(model, { centre: (id) => view.centre(id), wayOut, rescue });
   showDaps(model);
   showSites(model);
   showRemarks(model);
+  return isWhole;
 }
 
 function ask(what) {

@@ -4,6 +4,8 @@ import { counted, duration, length, word } from "./words.js";
 
 const NS_PER_S = 1e9;
 const MOST_TEXT = 200;
+const MOST_ROWS = 40;
+const kept = new WeakMap();
 const $ = (id) => document.getElementById(id);
 
 function element(tag, properties = {}, ...children) {
@@ -12,22 +14,24 @@ function element(tag, properties = {}, ...children) {
   return made;
 }
 
-/** Keep the list's items that are still there, by key, so that nobody's focus is lost. */
-function renew(list, entries, make) {
-  const known = new Map([...list.children].map((item) => [item.dataset.key, item]));
+/**
+ * Keep the list's items that are still there, by key, so that nobody's focus is lost. What an item shows is written into
+ * it (`write`) where that can be, or else it is made anew; of so many at `most`. Says whether that was all.
+ */
+function renew(list, entries, make, write = () => false, most = Infinity) {
+  const known = new Map([...list.children].map((item) => [kept.get(item).key, item]));
+  let left = most;
   entries.forEach((entry, index) => {
     const text = JSON.stringify(entry.shown);
     let item = known.get(entry.key);
     known.delete(entry.key);
-    if (!item || item.dataset.shown !== text) {
-      const focused = item?.contains(document.activeElement) ? document.activeElement.dataset.action : null;
-      const made = make(entry);
-      made.dataset.key = entry.key;
-      made.dataset.shown = text;
-      item ? item.replaceWith(made) : null;
-      item = made;
-      const again = `[data-action="${focused}"]`;
-      if (focused) (item.matches(again) ? item : item.querySelector(again) ?? item.querySelector("button"))?.focus();
+    const isNew = !item;
+    if (isNew || (kept.get(item).text !== text && left > 0)) {
+      left -= 1;
+      if (isNew || !write(item, entry)) item = replaced(item, make(entry));
+      kept.set(item, { key: entry.key, text });
+    } else if (kept.get(item).text !== text) {
+      left = -1;
     }
     if (list.children[index] !== item) list.insertBefore(item, list.children[index] ?? null);
   });
@@ -36,6 +40,16 @@ function renew(list, entries, make) {
     item.remove();
     if (focused) (list.querySelector("button") ?? list.closest("section")).focus();
   }
+  return left >= 0;
+}
+
+/** Put an item in another's place, and the focus where it was. */
+function replaced(item, made) {
+  const focused = item?.contains(document.activeElement) ? document.activeElement.dataset.action : null;
+  item?.replaceWith(made);
+  const again = `[data-action="${focused}"]`;
+  if (focused) (made.matches(again) ? made : made.querySelector(again) ?? made.querySelector("button"))?.focus();
+  return made;
 }
 
 export function showAlerts(model, may, actions) {
@@ -70,41 +84,47 @@ function alertItem(alert, now, may, actions) {
   return item;
 }
 
+/** Show the responders; of a large crew so many at a time. Says whether that was all. */
 export function showPeople(model, actions) {
   const rows = model.responders();
-  renew($("responder-list"), rows.map((row) => {
-    const track = model.tracks.get(row.responder_id);
-    const floor = track ? model.floorOf(track.floor_down_m) : null;
-    const radius = track ? track.axes95_m[0] : null;
-    const status = track ? model.statusOf(track) : row.status;
-    const shown = {
-      status, floor, sure: track?.floor_probability.toFixed(1), radius: radius === null ? "" : length(radius),
-      reason: status === row.status ? row.reason : track.reason, activity: row.activity, fault: row.fault,
-      left: suppliesWords(row.supplies),
-      orders: row.orders.map((one) => [one.order.kind, one.received]), word: word(status),
-    };
-    return { key: row.responder_id, row, shown };
-  }), ({ row, shown }) => personItem(row, shown, actions));
+  const isWhole = renew($("responder-list"), rows.map((row) => ({ key: row.responder_id, row, shown: personWords(model, row) })),
+    ({ row, shown }) => personItem(row, shown, actions), ({ children: [who] }, { shown }) => writePerson(who, shown), MOST_ROWS);
   const lost = rows.filter((row) => row.status === "lost").length;
-  $("counts").textContent = `${rows.length} ${word("inside")}` + (lost ? `, ${lost} ${word("lost_count")}` : "");
+  const counts = `${rows.length} ${word("inside")}` + (lost ? `, ${lost} ${word("lost_count")}` : "");
+  if ($("counts").textContent !== counts) $("counts").textContent = counts;
+  return isWhole;
+}
+
+/** What stands of somebody in the list: their name, and in words how they are. */
+function personWords(model, row) {
+  const track = model.tracks.get(row.responder_id);
+  const status = track ? model.statusOf(track) : row.status;
+  const reason = status === row.status ? row.reason : track.reason;
+  const sure = track && track.floor_probability.toFixed(1) >= 0.9 ? "" : "?";
+  const orders = row.orders.map((one) => `${word(one.order.kind)}: ${word(one.received ? "has_it" : "not_acknowledged")}`);
+  return {
+    status, state: word(status),
+    floor: track ? `${word("floor")} ${model.floorOf(track.floor_down_m)}${sure}` : "",
+    sure: track ? `${word("within")} ${length(track.axes95_m[0])}` : "",
+    why: [told(reason), told(row.activity), suppliesWords(row.supplies), told(row.fault)].filter(Boolean).join(" · "),
+    orders: orders.join(" · "),
+    buttons: [word("way_out"), word("rescue")],
+  };
 }
 
 function personItem(row, shown, actions) {
-  const state = element("span", { className: "state", textContent: word(shown.status) });
+  const part = (className, name) => {
+    const made = element("span", { className, textContent: shown[name] });
+    made.dataset.part = name;
+    return made;
+  };
+  const state = part("state", "state");
   state.dataset.status = shown.status;
-  const sure = shown.radius ? `${word("within")} ${shown.radius}` : "";
-  const floor = shown.floor === null ? "" : `${word("floor")} ${shown.floor}${shown.sure < 0.9 ? "?" : ""}`;
-  const why = [told(shown.reason), told(shown.activity), shown.left, told(shown.fault)].filter(Boolean).join(" · ");
-  const orders = row.orders.map((one) => {
-    const stage = one.received ? word("has_it") : word("not_acknowledged");
-    return `${word(one.order.kind)}: ${stage}`;
-  });
   const who = element("button", { type: "button", className: "who", onclick: () => actions.centre(row.responder_id) },
-    element("strong", { textContent: row.responder_id }), state,
-    element("span", { textContent: floor }), element("span", { className: "sure", textContent: sure }),
-    why ? element("span", { className: "why", textContent: why }) : null,
-    orders.length ? element("span", { className: "why", textContent: orders.join(" · ") }) : null);
+    element("strong", { textContent: row.responder_id }), state, part("", "floor"), part("sure", "sure"),
+    shown.why ? part("why", "why") : null, shown.orders ? part("why", "orders") : null);
   who.dataset.action = "centre";
+  who.buttons = shown.buttons.join();
   const way = (name, act) => {
     const made = element("button", { type: "button", textContent: word(name), onclick: act });
     made.dataset.action = name;
@@ -114,6 +134,19 @@ function personItem(row, shown, actions) {
   return element("li", {}, who, element("div", { className: "row" },
     way("way_out", () => actions.wayOut(row.responder_id)),
     way("rescue", () => actions.rescue(row.responder_id))));
+}
+
+/** Write what has changed of somebody into their item; not where it has other parts, or is in other words. */
+function writePerson(who, shown) {
+  const parts = new Map([...who.querySelectorAll("[data-part]")].map((each) => [each.dataset.part, each]));
+  if (parts.has("why") !== Boolean(shown.why) || parts.has("orders") !== Boolean(shown.orders)) return false;
+  if (who.buttons !== shown.buttons.join()) return false;
+  for (const [name, part] of parts) {
+    if (part.textContent !== shown[name]) part.textContent = shown[name];
+  }
+  const state = parts.get("state");
+  if (state.dataset.status !== shown.status) state.dataset.status = shown.status;
+  return true;
 }
 
 /** What somebody, or something, has left, as far as that is known. */

@@ -80,7 +80,7 @@ export class TrailPicture {
   }
 }
 
-export function stroke(pen, places, colour) {
+function stroke(pen, places, colour) {
   pen.strokeStyle = colour;
   pen.beginPath();
   places.forEach(([x, y], index) => (index ? pen.lineTo(x, y) : pen.moveTo(x, y)));
