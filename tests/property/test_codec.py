@@ -23,6 +23,7 @@ every_topic = pytest.mark.parametrize("topic", list(TOPICS))
 MAY_BE_ABSENT = {
     "proximity": {"near_log_odds", "range_m", "range_sd_m"},
     "installation": {"at_rest"},
+    "state": {"worry"},
 }
 """Fields that are not written where they hold nothing."""
 
@@ -48,7 +49,7 @@ WIRE_FIELDS = {
     "fix": "event_time_ns sequence responder_id source position",
     "height_fix": "event_time_ns sequence node node_id down_m sd_m",
     "installation": "event_time_ns sequence installer_id position at_rest",
-    "state": "event_time_ns sequence battery_share temperature_c going",
+    "state": "event_time_ns sequence battery_share temperature_c going worry",
     "set_down": "event_time_ns sequence dap_id position",
     "stations": "event_time_ns sequence responders daps",
     "track": "event_time_ns sequence responder_id north_m east_m down_m covariance_m2 heading_rad "
@@ -76,6 +77,7 @@ ADDED_SINCE = {
     "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns", "lost",
     "near_log_odds", "range_m", "range_sd_m", "at_rest",
     "supplies", "leaves", "battery", "charging", "temperature_c", "air_bar", "air_left_s",
+    "worry",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 
