@@ -26,7 +26,7 @@ import msgspec
 import numpy as np
 
 from edge_agent.evaluation.course_truth import DrivenSpeed, MountedDrive
-from edge_agent.evaluation.score_card import TrialScore
+from edge_agent.evaluation.score_card import TrialScore, failed_trial
 from edge_agent.evaluation.truth import Array
 from edge_agent.mounts.interface import Increment, Mount, TakesSpeed
 from edge_agent.sources.recording import Recording
@@ -85,8 +85,17 @@ def follow_drive(mount: VehicleMountLike, samples: Recording, speed: DrivenSpeed
 def score_drive(
     name: str, group: str, drive: Drive, fixed: Drive | None, truth: MountedDrive
 ) -> TrialScore:
-    """Return the score of ``drive``; of its acceleration against ``fixed``, if there were slips."""
+    """Return the score of ``drive``; of its acceleration against ``fixed``, if there were slips.
+
+    A drive that no increment was told of has none.
+    """
     time_s = truth.fixed.samples.time_ns / NS_PER_S
+    if not drive.increments:
+        failure = (
+            f"nothing told of {time_s[-1] - time_s[0]:.1f} s: it takes two seconds of driving, "
+            "forces with gravity in them (m/s²) and rates"
+        )
+        return failed_trial(name, group, truth, failure)
     speed = truth.fixed.speed
     told_m, true_m = _way_by_second(drive.increments, time_s, speed)
     true_m_s = np.interp(time_s, speed.time_s, speed.speed_m_s)

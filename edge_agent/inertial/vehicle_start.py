@@ -38,6 +38,10 @@ UNKNOWN_SPEED_M_S = 12.0
 UNKNOWN_SPEED_SD_M_S = 8.0
 STANDING_SD_M_S = 0.05
 
+ROAD_TILTS_RAD_S = math.radians(0.3)
+"""Over some seconds roads mostly tilt a vehicle by less. More is likely the gyroscope's zero, of a
+sensor that nobody has calibrated, which is then doubted by as much."""
+
 CHANGE_M_S2 = 1.5
 """By so much a second speed may have changed before it was told."""
 
@@ -156,6 +160,9 @@ def _tracker(
 ) -> VehicleTracker:
     speed = _first_speed(known, readings[0].time_s)
     sd = Uncertainty(speed.sd_m_s, tilt_sd_rad, forward_rad=AXIS_SD_RAD)
+    tilting_rad_s = _tilting_rad_s(readings)
+    if tilting_rad_s > ROAD_TILTS_RAD_S:
+        sd = sd._replace(bias_rad_s=tilting_rad_s)
     bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
     if known.stood is not None:
         speed = KnownSpeed(0.0, STANDING_SD_M_S)
@@ -169,6 +176,15 @@ def _tracker(
         level_from_sensor, 0.0, speed.speed_m_s, known.wheelbase_m, LATE_S, sd, bias_rad_s
     )
     return VehicleTracker(state, readings[0].time_s)
+
+
+def _tilting_rad_s(readings: Sequence[Reading]) -> float:
+    """Return the mean rate about level axes, which is the road's or the gyroscope's zero."""
+    up = first_force(readings)
+    size_m_s2 = math.hypot(*up)
+    x, y, z = np.mean([one.rate_rad_s for one in readings], axis=0).tolist()
+    about_up_rad_s = (x * up[0] + y * up[1] + z * up[2]) / size_m_s2 if size_m_s2 else 0.0
+    return math.sqrt(max(0.0, x * x + y * y + z * z - about_up_rad_s**2))
 
 
 def _first_speed(known: Known, time_s: float) -> KnownSpeed:

@@ -53,18 +53,30 @@ class Verdict(Enum):
 
 
 class Intake:
-    """Judges samples in turn, and counts what is wrong with them in ``faults``."""
+    """Judges samples in turn, and counts what is wrong with them in ``faults``.
 
-    def __init__(self, faults: Faults, gap_s: float, *, needs_gyro: bool = True) -> None:
+    A sensor that reads the same to the last digit for longer than ``stuck_s`` reads nothing.
+    """
+
+    def __init__(
+        self,
+        faults: Faults,
+        gap_s: float,
+        *,
+        needs_gyro: bool = True,
+        stuck_s: float = math.inf,
+    ) -> None:
         self._faults = faults
         self._needs_gyro = needs_gyro
         self._gap_ns = round(gap_s * NS_PER_S)
+        self._stuck_ns = stuck_s * NS_PER_S
+        self._changed: ImuSample | None = None
         self._newest_ns: int | None = None
         self._backward = 0
 
     def judge(self, sample: ImuSample) -> Verdict:
         """Return what to do with ``sample``."""
-        if not readable(sample, needs_gyro=self._needs_gyro):
+        if not readable(sample, needs_gyro=self._needs_gyro) or self._is_stuck(sample):
             self._faults.unusable += 1
             return Verdict.PASS
         newest_ns = self._newest_ns
@@ -82,3 +94,14 @@ class Intake:
         self._backward = 0
         self._newest_ns = sample.time_ns
         return verdict
+
+    def _is_stuck(self, sample: ImuSample) -> bool:
+        last = self._changed
+        if (
+            last is None
+            or sample.force_m_s2 != last.force_m_s2
+            or sample.rate_rad_s != last.rate_rad_s
+        ):
+            self._changed = sample
+            return False
+        return sample.time_ns - last.time_ns > self._stuck_ns

@@ -53,6 +53,12 @@ LONGEST_GAP_S = 1.0
 GAP_ACCELERATION_M_S2 = 1.5
 """After a longer gap tracking begins anew, with a speed that has changed by so much a second."""
 
+LONGEST_BRIDGE_S = 10.0
+"""Over no longer gap the vehicle is taken to go on as before."""
+
+STUCK_S = 0.25
+"""A sensor in a vehicle trembles; one that reads the same for longer has stopped to read."""
+
 DOWN: Vector3 = (0.0, 0.0, 1.0)
 
 WEAKEST_GRAVITY_M_S2 = 4.0
@@ -70,7 +76,7 @@ class VehicleMount:
         self.faults = Faults()
         self.acceleration_m_s2: Vector3 | None = None
         self._wheelbase_m = wheelbase_m
-        self._intake = Intake(self.faults, GAP_S)
+        self._intake = Intake(self.faults, GAP_S, stuck_s=STUCK_S)
         self._known: KnownSpeed | None = None
         self._stood: Stood | None = None
         self._waiting: list[ImuSample] = []
@@ -132,6 +138,9 @@ class VehicleMount:
             last_ns, self._last_ns = self._last_ns, sample.time_ns
             gap_s = 0.0 if last_ns is None else (sample.time_ns - last_ns) / NS_PER_S
             if verdict is Verdict.RESTART or gap_s > LONGEST_GAP_S:
+                self._tell_pending()
+                if last_ns is not None and LONGEST_GAP_S < gap_s <= LONGEST_BRIDGE_S:
+                    self._bridge(last_ns, sample.time_ns)
                 self._begin_anew(max(gap_s, LONGEST_GAP_S))
             self._take(sample)
         return self._done.popleft() if self._done else None
@@ -142,12 +151,16 @@ class VehicleMount:
 
     def finish(self) -> list[Increment]:
         """Return the movements not yet told: no more samples will come."""
+        self._tell_pending()
+        done, self._done = list(self._done), deque()
+        return done
+
+    def _tell_pending(self) -> None:
+        """Tell what can be told of the samples that have come."""
         if self._tracker is None and self._waited_s() >= SHORTEST_S:
             self._set_out()
         if self._tracker is not None and self._tracker.begun:
             self._tell(self._tracker.tick())
-        done, self._done = list(self._done), deque()
-        return done
 
     def _take(self, sample: ImuSample) -> None:
         if self._tracker is None:
@@ -229,16 +242,40 @@ class VehicleMount:
         if not second.stood:
             self._done.extend(drive_increments(drive))
 
-    def _begin_anew(self, gap_s: float) -> None:
-        """Forget how the phone lay; the speed it had is still known, the less the longer ago."""
+    def _bridge(self, last_ns: int, until_ns: int) -> None:
+        """Tell the way over a gap, straight on at the speed before it, if that was known."""
+        speed = self._speed_before()
+        if speed is None:
+            return
+        from_ns = self._waiting[0].time_ns if self._waiting else last_ns
+        lasted_s = (until_ns - from_ns) / NS_PER_S
+        way_m = speed.speed_m_s * lasted_s
+        drive = Drive(
+            from_ns,
+            until_ns,
+            way_m * math.cos(self._heading_rad),
+            way_m * math.sin(self._heading_rad),
+            0.0,
+            self._heading_rad,
+            math.hypot(speed.sd_m_s, 0.5 * GAP_ACCELERATION_M_S2 * lasted_s),
+            heading_variance(lasted_s, lasted_s, bias_known=True),
+            min(self._forward_sd_rad, UNKNOWN_HEADING_SD_RAD),
+        )
+        self._done.extend(drive_increments(drive))
+
+    def _speed_before(self) -> KnownSpeed | None:
+        """Return the speed at the last sample, as far as it is known."""
         if self._tracker is not None:
             state = self._tracker.filter
-            sd_m_s = math.hypot(state.speed_sd_m_s, GAP_ACCELERATION_M_S2 * gap_s)
-            self._known = KnownSpeed(state.speed_m_s, sd_m_s)
-            self._stood = None
-        elif self._known is not None:
-            sd_m_s = math.hypot(self._known.sd_m_s, GAP_ACCELERATION_M_S2 * gap_s)
-            self._known = self._known._replace(sd_m_s=sd_m_s)
+            return KnownSpeed(state.speed_m_s, state.speed_sd_m_s)
+        return self._known if self._stood is None else None
+
+    def _begin_anew(self, gap_s: float) -> None:
+        """Forget how the phone lay; the speed it had is still known, the less the longer ago."""
+        known = self._speed_before()
+        if known is not None:
+            sd_m_s = math.hypot(known.sd_m_s, GAP_ACCELERATION_M_S2 * gap_s)
+            self._known, self._stood = known._replace(sd_m_s=sd_m_s), None
         self._tracker = None
         self.acceleration_m_s2 = None
         self._waiting, self._fixes, self._judged = [], [], 0

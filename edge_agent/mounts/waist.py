@@ -21,7 +21,7 @@ from edge_agent.inertial.pendulum_step import PendulumSteps
 from edge_agent.inertial.step_detection import Step
 from edge_agent.inertial.straight_walk import StraightWalk
 from edge_agent.inertial.stride_error import heading_variance, lost_covariance
-from edge_agent.inertial.trunk_attitude import TrunkAttitude
+from edge_agent.inertial.trunk_attitude import WEAKEST_GRAVITY_M_S2, TrunkAttitude
 from edge_agent.inertial.walking_direction import WalkingDirection, heading_of_mean
 from edge_agent.mounts.intake import Intake, Verdict
 from edge_agent.mounts.interface import Faults, Increment
@@ -183,10 +183,12 @@ class WaistMount:
         """Carry the state on to the next even sample."""
         period_s = 1.0 / EVEN_RATE_HZ
         level_m_s2 = self._attitude.step(even.force_m_s2, even.rate_rad_s, period_s)
+        gravity_m_s2 = self._attitude.gravity_m_s2
+        if gravity_m_s2 < WEAKEST_GRAVITY_M_S2:
+            return
         self._stood_s += period_s
         if not self.ready:
             return
-        gravity_m_s2 = self._attitude.gravity_m_s2
         # Up is −z. A sensor that reads too much of gravity reads too much of all.
         up_m_s2 = (-level_m_s2[2] - gravity_m_s2) * STANDARD_GRAVITY_M_S2 / gravity_m_s2
         nav_from_sensor = self._attitude.nav_from_sensor

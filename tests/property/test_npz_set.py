@@ -18,7 +18,7 @@ def whole(compressed: bool) -> bytes:
     (np.savez_compressed if compressed else np.savez)(
         target,
         t_s=np.arange(50) / 100.0,
-        acc_m_s2=chance.normal(size=(50, 3)),
+        acc_m_s2=chance.normal(size=(50, 3)) - [0.0, 0.0, 9.8],
         gyr_rad_s=chance.normal(size=(50, 3)),
         truth_xyz_m=np.zeros((50, 3)),
     )

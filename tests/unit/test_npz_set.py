@@ -73,6 +73,9 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
     "no times": ({"t_s": np.full(200, np.nan)}, "no seconds"),
     "other length": ({"acc_m_s2": np.zeros((199, 3))}, "acc_m_s2 has shape (199, 3)"),
     "flat": ({"gyr_rad_s": np.zeros(600)}, "gyr_rad_s has shape (600,)"),
+    "in g": ({"acc_m_s2": np.tile([0.0, 0.0, -1.0], (200, 1))}, "acc_m_s2 mostly reads 1,"),
+    "in degrees": ({"gyr_rad_s": np.full((200, 3), 90.0)}, "is it in °/s?"),
+    "silent gyroscope": ({"gyr_rad_s": np.full((200, 3), np.nan)}, "gyr_rad_s holds no reading"),
     "truth beyond the end": (
         {"truth_stride_index": np.array([0, 200]), "truth_stride_xy_m": np.zeros((2, 2))},
         "outside t_s",
@@ -118,6 +121,19 @@ def test_what_is_wrong_is_said_with_the_file(npz: Path, what: str) -> None:
         read_npz_set(npz)
     assert str(npz) in str(refused.value)
     assert said in str(refused.value)
+
+
+def test_stamps_of_bursts_are_spread(npz: Path) -> None:
+    told = arrays()
+    chance = np.random.default_rng(0)
+    told["acc_m_s2"] = told["acc_m_s2"] + chance.normal(0.0, 0.1, (200, 3))
+    even_s = told["t_s"].copy()
+    told["t_s"] = even_s[4::5].repeat(5)
+    np.savez(npz, **told)
+    recording = read_npz_set(npz).recording
+    assert len(recording) == 200
+    apart_s = np.diff(recording.time_ns) / 1e9
+    assert apart_s == pytest.approx(np.diff(even_s).mean(), rel=0.03)
 
 
 @pytest.mark.parametrize("kept", [0, 10, 1000, -30])

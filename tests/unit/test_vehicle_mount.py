@@ -15,7 +15,9 @@ from hypothesis import strategies as st
 from numpy.random import default_rng
 from scipy.spatial.transform import Rotation
 
+from edge_agent.evaluation.course_truth import DrivenSpeed, FixedDrive, MountedDrive
 from edge_agent.evaluation.vehicle_mountings import Lie, mounted
+from edge_agent.evaluation.vehicle_score import follow_drive, score_drive
 from edge_agent.mounts.interface import Increment
 from edge_agent.mounts.methods import Told, make_mount
 from edge_agent.mounts.vehicle import VehicleMount
@@ -162,6 +164,46 @@ def test_single_steps_and_a_copy_tell_what_a_batch_does(
     stepped += resumed.steps(samples.rows(slice(700, 1200))) + resumed.finish()
     assert told
     assert stepped == told
+
+
+@pytest.mark.parametrize("sticks", [False, True])
+def test_over_a_gap_the_vehicle_goes_on_as_it_did_and_is_known_less_well(sticks: bool) -> None:
+    """Samples are lost; or the sensor reads the same, to the last digit, all that time."""
+    samples = drive(((0.0, 12.0), (11.0, 12.0))).recording
+    since_s = (samples.time_ns - samples.time_ns[0]) / 1e9
+    rows = np.arange(len(samples))
+    lost = (since_s > 6.0) & (since_s < 8.5)
+    held = samples.rows(np.where(lost, rows[lost][0], rows) if sticks else rows[~lost])
+    mount = VehicleMount()
+    mount.know_speed(12.0, 0.1)
+    told = mount.steps(replace(held, time_ns=samples.time_ns) if sticks else held) + mount.finish()
+    way_m = sum(math.hypot(*one.displacement_m) for one in told)
+    assert way_m == pytest.approx(12.0 * since_s[-1], rel=0.04)
+    (over,) = [one for one in told if one.end_time_ns - one.start_time_ns > 2e9]
+    assert over.covariance[0] > 3.0**2
+    assert all(one.covariance[0] < 1.0 for one in told if one.end_time_ns <= over.start_time_ns)
+    assert (mount.faults.unusable > 200) == sticks
+
+
+def test_a_gyroscope_may_be_one_that_nobody_has_calibrated() -> None:
+    truth = drive(((0.0, 14.0), (12.0, 15.0), (14.0, 14.5)))
+    mount = VehicleMount()
+    mount.know_speed(14.0, 0.1)
+    zero_rad_s = np.array([0.02, -0.02, 0.01])
+    off = replace(truth.recording, rate_rad_s=truth.recording.rate_rad_s + zero_rad_s)
+    told = mount.steps(off) + mount.finish()
+    assert np.sqrt(np.mean(speed_errors_m_s(told, truth) ** 2)) < 1.5
+
+
+def test_a_drive_too_short_to_tell_has_no_score() -> None:
+    truth = town()
+    samples = truth.recording.rows(slice(0, 60))
+    speed = DrivenSpeed(truth.recording.time_ns / 1e9, truth.speed_m_s)
+    drive = follow_drive(VehicleMount(), samples, speed)
+    row = score_drive("short", "x", drive, None, MountedDrive(FixedDrive(samples, speed), ()))
+    assert row.speed_rmse_m_s is None
+    assert row.failure is not None
+    assert "nothing told of 0.6 s" in row.failure
 
 
 @WHICH

@@ -117,6 +117,18 @@ def test_who_stands_is_told_nowhere() -> None:
     assert mount.ready
 
 
+def test_an_accelerometer_that_reads_nothing_but_zeros_is_no_walk() -> None:
+    samples = recorded()
+    dead = replace(samples, force_m_s2=np.zeros((len(samples), 3)))
+    told, mount = follow(dead.rows(slice(0, 300)))
+    assert told == []
+    assert not mount.ready
+    told, _ = follow(
+        replace(samples, force_m_s2=np.vstack((samples.force_m_s2[:500], dead.force_m_s2[500:])))
+    )
+    assert all(math.isfinite(x) for one in told for x in one.displacement_m)
+
+
 def test_what_is_no_reading_is_counted_and_passed_over() -> None:
     samples = list(recorded().rows(slice(0, 1500)))
     told, _ = follow(samples)

@@ -73,7 +73,7 @@ def test_flights_are_told_in_time_though_samples_are_lost(tmp_path: Path) -> Non
     np.savez(
         file,
         t_s=time_s,
-        acc_m_s2=np.zeros((800, 3)),
+        acc_m_s2=np.tile([0.0, 0.0, -9.81], (800, 1)),
         gyr_rad_s=np.zeros((800, 3)),
         truth_left_steps=left,
         truth_right_steps=right,
