@@ -22,6 +22,7 @@ from command_post.fusion.time_line import Event, TimeLine
 from command_post.fusion.track import Estimate
 from command_post.handing_over import FUSED, HandingOver, is_ones_own
 from command_post.incident_settings import IncidentSettings
+from command_post.known_keys import KnownKeys
 from command_post.last_told import LastTold
 from command_post.lateness import Lateness
 from command_post.node_clock import KnownClock
@@ -31,7 +32,7 @@ from command_post.senders import Senders
 from command_post.set_aside import SetAside
 from command_post.teams import TeamWatch
 from command_post.told import LastMovement, RaisedAlarm, Told, why_nowhere
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import Refusal, decode
 from shared.messages import (
     AlarmKind,
     Alert,
@@ -49,7 +50,7 @@ from shared.topics import Key, Role
 __all__ = ["MOST_NODES", "Incident", "IncidentSettings"]
 
 MOST_NODES = 4096
-MOST_KEYS_KNOWN = 16_384
+_NOT_THE_POST = "not_the_post"
 
 _SAID: dict[type[Message], str] = {Order: "order", Receipt: "receipt", StationTable: "stations"}
 
@@ -69,7 +70,7 @@ class Incident:
         """Unless it ``keeps_all`` it forgets what is of no use live, and knows less afterwards."""
         self.settings = settings
         self._notices = Notices()
-        self._keys: dict[str, Key] = {}
+        self._keys = KnownKeys()
         self._heard_ns: dict[tuple[Role, str], int] = {}
         self._told = Told()
         self._teams = TeamWatch(settings.teams)
@@ -191,8 +192,11 @@ class Incident:
         return of_box + self._senders.faults(role, node_id, now_ns) + late + doubted
 
     def remarks(self, now_ns: int) -> list[str]:
-        """Return what could not be handled by ``now_ns`` that is no responder's nor DAP's word."""
-        return self._set_aside.remarks(now_ns)
+        """Return what is wrong at ``now_ns`` that is no responder's nor DAP's matter."""
+        post_id = self.settings.post_id
+        doubled = self._notices.refusals[_NOT_THE_POST, post_id]
+        words = f"another post goes by {post_id} too ({doubled} messages): end one"
+        return [words] * bool(doubled) + self._set_aside.remarks(now_ns)
 
     def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
         silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
@@ -219,16 +223,14 @@ class Incident:
         commander's word of where somebody is.
         """
         made = self.pass_time(now_ns)
-        parsed = self._parsed(key)
+        parsed = self._keys.parsed(key)
         if isinstance(parsed, Refusal):
             self._notices.refuse(parsed.reason, named_in(key), parsed.detail)
         elif parsed.role != "post":
             with self._set_aside.survived(parsed, "hearing it"):
                 made += self._take(parsed, payload, now_ns)
         elif self._is_own(parsed):
-            self._notices.refuse(
-                "not_the_post", parsed.node_id, "somebody else uses this post's keys"
-            )
+            self._notices.refuse(_NOT_THE_POST, parsed.node_id, "somebody else uses its keys")
         else:
             with self._set_aside.survived(parsed, "hearing it"):
                 made += self._take_from_post(parsed, payload, now_ns)
@@ -298,17 +300,6 @@ class Incident:
         """Whether only this post says such things: its table is handled, to be on the record."""
         own = (self.settings.incident, "post", self.settings.post_id)
         return key[:3] == own and key.topic != "stations"
-
-    def _parsed(self, key_text: str) -> Key | Refusal:
-        known = self._keys.get(key_text)
-        if known is not None:
-            return known
-        key = parse_key(key_text)
-        if isinstance(key, Key):
-            if len(self._keys) >= MOST_KEYS_KNOWN:
-                self._keys.clear()
-            self._keys[key_text] = key
-        return key
 
     def _take_from_post(self, key: Key, payload: bytes, now_ns: int) -> list[Outgoing]:
         message = decode(key, payload)

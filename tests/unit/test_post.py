@@ -202,7 +202,7 @@ def test_what_a_stranger_says_under_the_posts_own_keys_is_refused_evidence(tmp_p
     path = tmp_path / "a.mcap"
     said: list[Received] = []
     track = key("track", "post", "p")
-    with serving(MemoryNetwork(), path) as (other, _, _shown):
+    with serving(MemoryNetwork(), path) as (other, _, shown):
         other.subscribe(track, said.append)
         other.publish(key("start"), start())
         wait_for(lambda: said, "the post's own estimate")
@@ -210,6 +210,7 @@ def test_what_a_stranger_says_under_the_posts_own_keys_is_refused_evidence(tmp_p
         other.publish(track, encode(forged))
         other.publish(key("increment"), stride(0))
         wait_for(lambda: len(said) == 3, "the post's next estimate")
+        wait_for(lambda: any("another post" in each for each in shown[-1].remarks), "a remark")
     recorded = [one for one in read_recording(path) if one.key == track]
     assert [one.payload for one in recorded if not one.outgoing] == [encode(forged)]
     assert len(recorded) == 3
