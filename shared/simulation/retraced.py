@@ -14,6 +14,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 STRIDE_S = 1.12
 SWING_S = 0.45
+LOOKED_AT_S = 0.01
 LEAST_STRIDE_M = 0.15
 """Who has moved on less than this since their last footfall has not lifted the boot."""
 
@@ -21,13 +22,16 @@ LEAST_STRIDE_M = 0.15
 def walk_along(time_s: Array, position_m: Array, chance: np.random.Generator) -> Walk:
     """Return a walk along ``position_m`` (n ≥ 2, 3) NED at the rising times ``time_s`` (n,).
 
-    The boot comes down under the body once a stride, and faces the way that the body goes.
+    The boot comes down under the body once a stride, or when that has gone far enough for one, and
+    faces the way that the body goes.
     """
-    at_s = np.arange(time_s[0], time_s[-1], STRIDE_S)
+    at_s = np.arange(time_s[0], time_s[-1], LOOKED_AT_S)
     place_m = np.column_stack([np.interp(at_s, time_s, axis) for axis in position_m.T])
     kept = [0]
-    for k in range(1, len(at_s)):
-        if np.linalg.norm(place_m[k] - place_m[kept[-1]]) >= LEAST_STRIDE_M:
+    for k in range(len(at_s)):
+        # Who stands for a while does not do so for a whole number of strides.
+        is_due = k - kept[-1] >= round(STRIDE_S / LOOKED_AT_S)
+        if is_due and np.linalg.norm(place_m[k] - place_m[kept[-1]]) >= LEAST_STRIDE_M:
             kept.append(k)
     at_s, place_m = at_s[kept], place_m[kept]
     moved_m = np.diff(place_m, axis=0, append=place_m[-1:])

@@ -94,6 +94,15 @@ def test_a_walk_along_a_known_way_comes_down_on_it() -> None:
     assert max(walk.left_s - walk.reached_s) > 9.0
 
 
+def test_who_goes_slowly_along_a_known_way_leaves_no_time_for_strides_unseen() -> None:
+    time_s = np.arange(0.0, 60.0, 0.25)
+    way_m = np.column_stack([0.12 * time_s, 0.0 * time_s, 0.0 * time_s])
+    walk = walk_along(time_s, way_m, generator(1, "retraced"))
+    rests_s = walk.left_s - walk.reached_s
+    assert np.diff([fall.place_m[0] for fall in walk.footfalls]) == pytest.approx(0.15, abs=0.01)
+    assert np.ptp(rests_s[:-1]) < 0.05
+
+
 def test_receivers_of_a_walk_pull_a_boot_that_heads_wrongly() -> None:
     time_s = np.repeat(np.arange(0.0, 40.0, 0.2), 2)
     receiver = np.tile([0, 1], len(time_s) // 2)
