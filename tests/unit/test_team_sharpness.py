@@ -69,6 +69,27 @@ def test_what_the_solution_follows_does_not_make_passes_sharp() -> None:
     assert learnt(to_and_fro(60.0)) <= MOST_SCALE
 
 
+def heard_again(times: int) -> TeamLog:
+    """Return the log of one who lingers by each of 20 DAPs, 3.5 m off it, and hears it so often."""
+    log, chance = TeamLog(), np.random.default_rng(3)
+    log.add_start("r1", track_start(0.0, heading_sd_rad=0.01))
+    for k in range(20 * times):
+        way_m = 12.0 if k % times == 0 else 0.05
+        log.add_move("r1", stride(2.0 + 2.0 * k, way_m, 0.0, sequence=k))
+        dap_id = f"dap{k // times}"
+        if k % times == 0:
+            angle, north_m = chance.uniform(0.0, 2.0 * math.pi), 12.0 * (k // times + 1)
+            place = (north_m + 3.5 * math.cos(angle), 3.5 * math.sin(angle))
+            log.add_dap(dap_id, installation(0.0, None, place))
+        log.add_peak(dap_id, peak_at(2.0 + 2.0 * k, "r1", peak_dbm=-42.0))
+    return log
+
+
+def test_passes_shadowed_alike_make_nobody_seem_sharper() -> None:
+    """Four together say no more than one, and are not four that lie half as far off."""
+    assert learnt(heard_again(4)) == pytest.approx(learnt(heard_again(1)), rel=0.1)
+
+
 def test_few_passes_say_little() -> None:
     few, many = learnt(to_and_fro(4.0, passes=3)), learnt(to_and_fro(4.0, passes=60))
     assert 1.0 <= few < 0.7 * many

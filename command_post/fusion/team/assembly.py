@@ -53,7 +53,8 @@ class Assembled:
     the arrow's order, with the chain's node by which each is first tied (``seen_at``). Of
     passes of DAPs the standard deviations are ``tie_scale`` times what the settings say. A place
     is here where it is passed: of a known one that may be aside of where it stands, each way with
-    the variance ``aside_m2``, which the graph has in what is known of it.
+    the variance ``aside_m2``, which the graph has in what is known of it. Ties say ``tie_share`` of
+    what each would by itself.
     """
 
     graph: Graph
@@ -66,6 +67,7 @@ class Assembled:
     installed_by: list[int] = field(default_factory=list)
     tie_scale: float = 1.0
     aside_m2: Floats = field(default_factory=lambda: np.empty(0))
+    tie_share: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
     def arrow_size(self) -> int:
@@ -213,6 +215,7 @@ def _build(
     return Assembled(
         graph, chains, nodes, units, unit_first.tolist(), places,
         [seen.get(place, -1) for place in places], [by.get(place, -1) for place in places],
+        tie_share=np.array([tie.share for tie in ties]),
     )  # fmt: skip
 
 

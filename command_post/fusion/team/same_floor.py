@@ -49,9 +49,10 @@ def by_floor(
     share = _share(off_m, variance_m2 + settings.passed_height_sd_m**2)
     if (share == 1.0).all():
         return assembled
-    tie = graph.tie.copy()
+    tie, tie_share = graph.tie.copy(), assembled.tie_share.copy()
     tie[heard, 2] /= np.sqrt(share)
-    return replace(assembled, graph=graph._replace(tie=tie))
+    tie_share[heard] *= share
+    return replace(assembled, graph=graph._replace(tie=tie), tie_share=tie_share)
 
 
 def _share(off_m: Floats, variance_m2: Floats) -> Floats:

@@ -43,8 +43,9 @@ def learnt_scale(
     if not passed.size:
         return 1.0
     off2 = _squared(graph.tie, graph.tie_at, passed, pose, stands) * assembled.tie_scale**2
-    taken_up = _taken_up(graph, pose, arrow, passed)
-    return _scale(off2, taken_up, settings.sharpness.dof, settings.scale_prior_ties)
+    share = assembled.tie_share[passed]
+    taken_up = min(_taken_up(graph, pose, arrow, passed), math.fsum(share))
+    return _scale(off2, share, taken_up, settings.sharpness.dof, settings.scale_prior_ties)
 
 
 def _taken_up(graph: Graph, pose: Floats, arrow: Floats, passed: Ints) -> float:
@@ -60,7 +61,7 @@ def _taken_up(graph: Graph, pose: Floats, arrow: Floats, passed: Ints) -> float:
     )
     if not math.isfinite(grown):
         return 0.0
-    return min(0.25 * grown / logarithm(1.0 / (1.0 - SHARPER)), float(passed.size))
+    return 0.25 * grown / logarithm(1.0 / (1.0 - SHARPER))
 
 
 @compiled
@@ -80,15 +81,16 @@ def _squared(tie: Floats, tie_at: Ints, rows: Ints, pose: Floats, arrow: Floats)
 
 
 @compiled
-def _scale(off2: Floats, taken_up: float, dof: float, prior: float) -> float:
+def _scale(off2: Floats, share: Floats, taken_up: float, dof: float, prior: float) -> float:
     """Return the scale of two-dimensional Student's t that squares (n,) speak for.
 
-    So many of them, ``taken_up``, are nought because the solution follows them.
+    Each is ``share`` (n,) of what it would be by itself, and counts for as much; so many in all,
+    ``taken_up``, are nought because the solution follows them.
     """
-    scale2 = 1.0
+    scale2, counted = 1.0, share.sum()
     for _ in range(ROUNDS):
         total = prior
         for k in range(off2.size):
-            total += 0.5 * off2[k] * (dof + 2.0) / (dof + off2[k] / scale2)
-        scale2 = total / (prior + off2.size - taken_up)
+            total += 0.5 * off2[k] * (dof + 2.0) / (dof + off2[k] / (share[k] * scale2))
+        scale2 = total / (prior + counted - taken_up)
     return math.sqrt(min(max(scale2, LEAST_SCALE**2), MOST_SCALE**2))

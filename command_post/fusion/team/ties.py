@@ -21,7 +21,10 @@ LEAST_SD_M = 0.1
 
 
 class Tie(NamedTuple):
-    """A place reached by the chain: when, stance, offset from there, deviation, freedom."""
+    """A place reached by the chain: when, stance, offset from there, deviation, freedom.
+
+    ``share`` of a whole tie is what it says: its deviation is as much wider as is due to that.
+    """
 
     chain: int
     time_ns: int
@@ -31,6 +34,7 @@ class Tie(NamedTuple):
     place: PlaceId
     sd_m: float
     dof: float
+    share: float = 1.0
 
 
 class Known(NamedTuple):
@@ -97,7 +101,7 @@ def asides_m2(
     }
     for tie in ties:
         if tie.dof and tie.place in passes_m2:
-            passes_m2[tie.place].append(tie.sd_m**2)
+            passes_m2[tie.place].append(tie.share * tie.sd_m**2)
     blunt_m2 = settings.sharpness.sd_at_m(settings.sharpness.least_dbm) ** 2
     return {
         place: settings.aside_share**2 * (math.fsum(each) / len(each) if each else blunt_m2)
@@ -146,7 +150,7 @@ def _shadowed_alike(ties: list[Tie], chain: Chain, shadowing_m: float) -> list[T
     for tie in ties:
         way_m, here_m = at_m[tie.place[:-1]], float(chain.length_m[tie.stance])
         alike = bisect_right(way_m, here_m + shadowing_m) - bisect_left(way_m, here_m - shadowing_m)
-        told.append(tie if alike == 1 else tie._replace(sd_m=tie.sd_m * math.sqrt(alike)))
+        told.append(tie._replace(sd_m=tie.sd_m * math.sqrt(alike), share=1.0 / alike))
     return told
 
 
