@@ -41,6 +41,7 @@ from shared.messages import (
     NodeHealth,
     Order,
     Receipt,
+    SiteAdvice,
     StationTable,
     Supplies,
 )
@@ -52,7 +53,9 @@ __all__ = ["MOST_NODES", "Incident", "IncidentSettings"]
 MOST_NODES = 4096
 _NOT_THE_POST = "not_the_post"
 
-_SAID: dict[type[Message], str] = {Order: "order", Receipt: "receipt", StationTable: "stations"}
+_SAID: dict[type[Message], str] = {
+    Order: "order", Receipt: "receipt", StationTable: "stations", SiteAdvice: "site",
+}  # fmt: skip
 
 
 class Incident:
@@ -257,8 +260,8 @@ class Incident:
         due_ns = [each for each in (self._time_line.due_ns, self._desk.due_ns) if each is not None]
         return min(due_ns, default=None)
 
-    def said(self, message: Order | Receipt | StationTable) -> Outgoing:
-        """Return an order, a receipt or the table of stations as it is to be published."""
+    def said(self, message: Order | Receipt | StationTable | SiteAdvice) -> Outgoing:
+        """Return what the post itself has to say as it is to be published."""
         return self._announcer.outgoing(message, _SAID[type(message)])
 
     def recall(self, key: str, payload: bytes, now_ns: int) -> None:

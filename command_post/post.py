@@ -33,6 +33,7 @@ from command_post.recording import Outgoing, RecordedIncident, Recorder
 from command_post.resume import Made, begin_anew, resume
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.safekeeping import Safekeeping
+from command_post.site_desk import SiteDesk
 from command_post.station_notice import StationNotice
 from command_post.strangers import stranger_message
 from command_post.voice import Voice
@@ -141,6 +142,7 @@ class Post:
         self._note_work = checkpoints.work if checkpoints is not None else lambda _: None
         self._repeats = OrderRepeats()
         self._stations = StationNotice(stations)
+        self._sites = SiteDesk()
 
     def take_up(self, recording: Recording, kept: Kept | None) -> None:
         """Take the incident up where ``recording``, which is gone on with, was broken off.
@@ -230,6 +232,8 @@ class Post:
                     self._repeat_orders()
                 with self._going_on.survived("telling of the stations"):
                     self._tell_stations(some_came=self._company.tell())
+                with self._going_on.survived("advising where DAPs are wanted"):
+                    self._voice.say(self._sites.due(self._incident, self._clock.now_ns()))
                 with self._going_on.survived("showing the roster"):
                     self._tell_figures()
                 next_show_s = time.monotonic() + SHOW_PERIOD_S

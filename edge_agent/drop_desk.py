@@ -51,6 +51,16 @@ class DropDesk:
                 increment.activity,
             )
             boxes = self._adviser.boxes
+        self._pass_on(advice, boxes)
+
+    def heed(self, now_ns: int, reason: str) -> None:
+        """Take in that the post finds a DAP wanted here; pass it on to the wearer if it is new."""
+        with self._one_at_a_time:
+            advice = self._adviser.heed(now_ns, f"the post: {reason}")
+            boxes = self._adviser.boxes
+        self._pass_on(advice, boxes)
+
+    def _pass_on(self, advice: Advice | None, boxes: int) -> None:
         if advice is None:
             return
         self._tell(advice)

@@ -167,6 +167,14 @@ class DropAdviser:
             need = 0.0
         return self._told(Advice(time_ns, need, words))
 
+    def heed(self, time_ns: int, reason: str) -> Advice | None:
+        """Take in that somebody who sees more wants one here; return it if it is to be said now."""
+        level_dbm = self._look(time_ns)
+        is_covered = level_dbm is not None and level_dbm >= self._settings.covered_dbm
+        if self.boxes < 1 or is_covered:
+            return None
+        return self._told(Advice(time_ns, self._settings.raise_at, reason))
+
     def _told(self, advice: Advice) -> Advice | None:
         """Return the advice if it is new: that which stands is not said again."""
         settings = self._settings

@@ -44,6 +44,7 @@ from shared.messages import (
     RssiReport,
     SafeUpTo,
     SetDownHere,
+    SiteAdvice,
     StationTable,
     StrangerNoticed,
     TrackEstimate,
@@ -118,6 +119,7 @@ def one_of_each() -> dict[str, Message]:
         ),
         "health": NodeHealth(**common, level="warning", findings=("Boot sensor runs slow",)),
         "advice": DropAdvice(**common, urgency=0.8, reason="at a junction", boxes_left=2),
+        "site": SiteAdvice(**common, responder_id="r1", reason="passed 6 times by 3"),
         "imu": imu_batch(3, with_field=True),
         "rssi": RssiReport(**common, responder_id="r1", rssi_dbm=-61.0),
         "proximity": ProximityEvent(

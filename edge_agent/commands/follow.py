@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from itertools import dropwhile
 from pathlib import Path
@@ -24,6 +25,7 @@ from edge_agent.mounts.interface import Faults, Mount
 from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
 from edge_agent.radio_desk import RadioDesk
+from edge_agent.site_desk import SiteDesk
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
@@ -144,6 +146,9 @@ def run(
                 _order_desk(node, itself.post_id, acknowledged, node_time),
                 _mayday_desk(node, itself.post_id, kept, has.button, opened.controls),
                 RadioDesk(node, radios, KeptStations(kept), has.radio_offset, drop_desk),
+                nullcontext()
+                if drop_desk is None
+                else SiteDesk(node, itself.post_id, drop_desk, node_time.post_time_ns),
             ):
                 bus.declare_alive(alive_key(incident, "responder", responder_id))
                 if await_start:

@@ -87,7 +87,7 @@ from shared.messages.values import (
     Vector3,
     Words,
 )
-from shared.messages.wearer import Alarm, DropAdvice, Mayday, NodeHealth
+from shared.messages.wearer import Alarm, DropAdvice, Mayday, NodeHealth, SiteAdvice
 
 __all__ = [
     "HIGHEST_PRESSURE_PA",
@@ -159,6 +159,7 @@ __all__ = [
     "SensorReading",
     "Sequence",
     "SetDownHere",
+    "SiteAdvice",
     "StandardDeviation",
     "StationAddress",
     "StationTable",

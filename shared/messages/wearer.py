@@ -12,6 +12,7 @@ from shared.messages.values import (
     Confidence,
     HealthLevel,
     Message,
+    NodeId,
     TimeNs,
     Words,
 )
@@ -61,3 +62,13 @@ class DropAdvice(Message, frozen=True, kw_only=True):
     urgency: Confidence
     reason: Words
     boxes_left: Annotated[int, Meta(ge=0, le=1000)]
+
+
+class SiteAdvice(Message, frozen=True, kw_only=True):
+    """The post has found that a DAP is wanted where a responder is: who carries one, sets it down.
+
+    ``reason`` says what it would tell there.
+    """
+
+    responder_id: NodeId
+    reason: Words

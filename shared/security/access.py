@@ -31,7 +31,7 @@ TOKENS: dict[str, tuple[Role, ...]] = {
 """The liveliness tokens, and who holds them."""
 
 MEANT_FOR_RESPONDERS = (
-    "order", "mayday_answer", "receipt", "exercise", "beat", "stations", *ANSWERED, "alive",
+    "order", "mayday_answer", "receipt", "exercise", "beat", "stations", "site", *ANSWERED, "alive",
 )  # fmt: skip
 """What a responder hears and asks of posts."""
 

@@ -33,6 +33,7 @@ WIRE_FIELDS = {
     "heading_rad covariance mount activity activity_confidence facing_sd_rad",
     "alarm": "event_time_ns sequence kind phase confidence reason",
     "mayday": "event_time_ns sequence phase called_ns reason",
+    "site": "event_time_ns sequence responder_id reason",
     "mayday_answer": "event_time_ns sequence responder_id called_ns phase stage by",
     "health": "event_time_ns sequence level findings",
     "advice": "event_time_ns sequence urgency reason boxes_left",
