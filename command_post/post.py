@@ -329,7 +329,7 @@ class Post:
 
     def _handle_all(self, messages: Sequence[_Heard]) -> None:
         # They were taken of each sender in turn.
-        for key, payload, came_ns in sorted(messages, key=_came_ns):
+        for key, payload, came_ns in sorted(messages, key=lambda each: each.came_ns):
             received = Received(key, payload)
             if not self._lets_in(received):
                 continue
@@ -397,7 +397,3 @@ class Post:
         for what, count in sorted(self._incident.counts.items()):
             _log.info("fusion", what=what, count=count)
         self._reception.tell_losses()
-
-
-def _came_ns(heard: _Heard) -> int:
-    return heard.came_ns
