@@ -269,8 +269,9 @@ class _Api:
     async def _stream(self, request: Request, since: int) -> AsyncIterator[bytes]:
         """Yield changes as server-sent events, the newest of each, as fast as they are taken."""
         while not self._ends() and not await request.is_disconnected():
-            # Somebody who was signed out meanwhile is shown no more.
-            self._may(request, "viewer")
+            if self._session(request) is None:
+                # Somebody who was signed out meanwhile is shown no more.
+                return
             version, frame = self._frames.since(since, time.monotonic())
             if version > since or since == 0:
                 yield b"id: %s-%d\nevent: changes\ndata: %s\n\n" % (

@@ -155,6 +155,14 @@ def test_a_way_out_is_shown_in_words(running: Running, browser: Browser) -> None
     page.close()
 
 
+ORDER_TO_NOBODY = """async () => {
+  const me = await (await fetch("api/v1/me")).json();
+  const headers = { "Content-Type": "application/json", "X-Clew-Token": me.token };
+  const body = JSON.stringify({ kind: "roll_call", to: ["r9"] });
+  await fetch("api/v1/orders", { method: "POST", headers, body });
+}"""
+
+
 def test_an_evacuation_is_ordered_by_keyboard_and_acknowledged(
     running: Running, browser: Browser
 ) -> None:
@@ -182,6 +190,10 @@ def test_an_evacuation_is_ordered_by_keyboard_and_acknowledged(
     expect(page.get_by_role("dialog")).not_to_be_visible()
     orders = page.locator("#responder-list .why", has_text="Evacuate")
     expect(orders).to_have_text("Evacuate: has received")
+    page.evaluate(ORDER_TO_NOBODY)
+    expect(page.locator("#notice")).to_contain_text("The post refuses: r9: not heard so far")
+    page.locator("#notice").click()
+    expect(page.locator("#notice")).to_be_hidden()
     waiting = "Evacuate: 0 of 1 have acknowledged, waiting for r1"
     expect(page.locator("#remarks")).to_have_text(waiting)
     expect(page.get_by_role("button", name="Withdraw")).to_be_visible()
@@ -189,30 +201,6 @@ def test_an_evacuation_is_ordered_by_keyboard_and_acknowledged(
     expect(orders).to_have_count(0)
     expect(page.locator("#remarks")).to_have_text("")
     assert watched.errors == []
-    page.close()
-
-
-ORDER = """async () => {
-  const me = await (await fetch("api/v1/me")).json();
-  const headers = { "Content-Type": "application/json", "X-Clew-Token": me.token };
-  const body = JSON.stringify({ kind: "roll_call", to: ["r9"] });
-  await fetch("api/v1/orders", { method: "POST", headers, body });
-}"""
-
-
-def test_a_refusal_is_seen_and_a_page_that_is_turned_away_comes_again(
-    running: Running, browser: Browser
-) -> None:
-    page = browser.new_page(viewport={"width": 1024, "height": 768})
-    expect.set_options(timeout=PATIENCE_MS)
-    page.route("**/api/v1/events", lambda route: route.fulfill(status=503), times=1)
-    page.goto(running.url)
-    expect(page.locator("#link")).to_contain_text("no link")
-    expect(page.locator("#link")).to_have_text("live")
-    page.evaluate(ORDER)
-    expect(page.locator("#notice")).to_contain_text("The post refuses: r9: not heard so far")
-    page.locator("#notice").click()
-    expect(page.locator("#notice")).to_be_hidden()
     page.close()
 
 

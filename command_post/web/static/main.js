@@ -202,9 +202,7 @@ async function begin() {
   $("incident").textContent = me.incident;
   document.title = `Clew: ${me.incident}`;
   if (!me.role) { askWho(begin); return; }
-  $("sign-out").hidden = me.name === "local";
-  $("sign-out").textContent = `${word("sign_out")} (${me.name})`;
-  for (const button of document.querySelectorAll("[data-role]")) button.disabled = !may(button.dataset.role);
+  showRole();
   if (me.review) beginReview();
   else follow();
   view.showPlan(await post.plan());
@@ -222,8 +220,17 @@ async function rejoin() {
     setTimeout(rejoin, AGAIN_MS);
     return;
   }
-  if (me.role) follow();
-  else askWho(rejoin);
+  if (!me.role) { askWho(rejoin); return; }
+  showRole();
+  follow();
+}
+
+/** Say as whom one has signed in, and let be pressed what that one may do. */
+function showRole() {
+  $("sign-out").hidden = me.name === "local";
+  $("sign-out").textContent = `${word("sign_out")} (${me.name})`;
+  for (const button of document.querySelectorAll("[data-role]")) button.disabled = !may(button.dataset.role);
+  ask({ tracks: false, panels: true });
 }
 
 /** Nothing can be ordered in what is past: what would do so is not shown. */
