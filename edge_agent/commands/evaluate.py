@@ -123,7 +123,7 @@ def evaluate(
     Parameters
     ----------
     paths
-        Recordings (.npz, .csv), folders of them, and simulated:SCENARIO.
+        Recordings (.npz, .csv), folders of them, a phone's export, and simulated:SCENARIO.
     mount
         How the sensor is worn.
     method

@@ -87,10 +87,10 @@ def score_drive(
 ) -> TrialScore:
     """Return the score of ``drive``; of its acceleration against ``fixed``, if there were slips.
 
-    A drive that no increment was told of has none.
+    A drive of no whole second, or that no increment was told of, has none.
     """
     time_s = truth.fixed.samples.time_ns / NS_PER_S
-    if not drive.increments:
+    if not drive.increments or time_s[-1] - time_s[0] <= SECOND_S:
         failure = (
             f"nothing told of {time_s[-1] - time_s[0]:.1f} s: it takes two seconds of driving, "
             "forces with gravity in them (m/s²) and rates"

@@ -178,7 +178,11 @@ def _course(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth |
         return StepCount(counted_s, np.arange(0.0, len(counted_s)), WAIST_COURSE_M)
     if "truth_speed_m_s" in arrays and "truth_t_s" in arrays:
         truth_s = _rising(path, arrays, "truth_t_s")
-        return DrivenSpeed(truth_s, array_of(path, arrays, "truth_speed_m_s", truth_s.shape))
+        speed_m_s = array_of(path, arrays, "truth_speed_m_s", truth_s.shape)
+        told = np.isfinite(speed_m_s)
+        if not told.any():
+            raise SourceError(f"{path}: truth_speed_m_s holds no speed; export it again")
+        return DrivenSpeed(truth_s[told], speed_m_s[told])
     return None
 
 

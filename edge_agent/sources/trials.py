@@ -14,6 +14,7 @@ from edge_agent.evaluation.course_truth import MountTruth
 from edge_agent.evaluation.truth import Height, truth_of_stances
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.sources.npz_set import read_npz_set
+from edge_agent.sources.phone_export import METADATA, read_phone_export
 from edge_agent.sources.recording import Recording, SourceError
 from edge_agent.sources.simulated_wear import (
     refuse_unsimulated,
@@ -47,7 +48,8 @@ class Trial(NamedTuple):
 def find_trials(where: str, seed: int, mount: MountName = "boot") -> list[Trial]:
     """Return the trials of a ``mount`` that ``where`` names, sorted by path.
 
-    A file (``.npz`` or ``.csv``), a folder (all such files in it and below), or
+    A file (``.npz`` or ``.csv``; a vehicle's is ``.npz``), a folder (all such files in it and
+    below), a phone's export (``.zip``, or the folder with its ``metadata.csv``), or
     ``simulated:SCENARIO`` (each of its responders, walking as by ``seed``). A recording's group is
     its folder. Raises ``SourceError`` if there is nothing there, ``ConfigError`` for a scenario
     that cannot be used.
@@ -70,6 +72,10 @@ def find_trials(where: str, seed: int, mount: MountName = "boot") -> list[Trial]
         raise SourceError(
             f"{where}: no such file; give a recording, a folder, or {SIMULATED}course"
         )
+    if mount != "vehicle" and (path.suffix.lower() == ".zip" or (path / METADATA).is_file()):
+        needs_gyro = mount not in WITHOUT_GYRO
+        load = partial(_read_export, path, needs_gyro=needs_gyro)
+        return [Trial(path.stem, path.resolve().parent.name, load)]
     files = sorted(path.rglob("*")) if path.is_dir() else [path]
     if mount == "vehicle":
         trials = [one for file in files if file.suffix.lower() == ".npz" for one in _drives(file)]
@@ -80,7 +86,8 @@ def find_trials(where: str, seed: int, mount: MountName = "boot") -> list[Trial]
             if (reader := _reader(file, mount)) is not None
         ]
     if not trials:
-        raise SourceError(f"{where}: no .npz and no .csv recording there; give one")
+        kinds = ".npz" if mount == "vehicle" else ".npz and no .csv"
+        raise SourceError(f"{where}: no {kinds} recording there; give one")
     return trials
 
 
@@ -90,7 +97,7 @@ def _drives(path: Path) -> list[Trial]:
     try:
         lyings = lyings_of(path)
     except SourceError:
-        return [Trial(path.stem, group, partial(_read_npz, path, needs_gyro=True))]
+        return [Trial(path.stem, group, partial(_mount_drive, path, Lying(path.stem, 0, None)))]
     return [
         Trial(one.name, f"{group}/{one.lie or 'fixed'}", partial(_mount_drive, path, one))
         for one in lyings
@@ -112,6 +119,10 @@ def _reader(path: Path, mount: MountName) -> Callable[[Path], TrialData] | None:
 
 def _read_npz(path: Path, *, needs_gyro: bool) -> TrialData:
     return TrialData(*read_npz_set(path, needs_gyro=needs_gyro))
+
+
+def _read_export(path: Path, *, needs_gyro: bool) -> TrialData:
+    return TrialData(read_phone_export(path, needs_gyro=needs_gyro), None)
 
 
 def _read_csv(path: Path) -> TrialData:

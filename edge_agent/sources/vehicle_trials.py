@@ -22,6 +22,12 @@ MOUNTINGS = 50
 PIECE_S = 60.0
 """Longer drives are cut into pieces; mountings take turns with them."""
 
+SLIPPING_S = 25.0
+"""In a shorter drive there is no time to slip three times."""
+
+BEYOND_S = 0.1
+"""Samples further from the first or the last true speed are not of the drive."""
+
 
 @lru_cache(maxsize=8)
 def pieces_of(path: Path) -> tuple[FixedDrive, ...]:
@@ -33,6 +39,10 @@ def pieces_of(path: Path) -> tuple[FixedDrive, ...]:
     if not isinstance(truth, DrivenSpeed):
         raise SourceError(f"{path}: no speed of a vehicle in it: truth_t_s and truth_speed_m_s")
     time_s = recording.time_ns / NS_PER_S
+    known = (time_s > truth.time_s[0] - BEYOND_S) & (time_s < truth.time_s[-1] + BEYOND_S)
+    if np.count_nonzero(known) < 2:
+        raise SourceError(f"{path}: truth_t_s is of another time than the samples")
+    recording, time_s = recording.rows(np.flatnonzero(known)), time_s[known]
     count = max(1, round(float(time_s[-1] - time_s[0]) / PIECE_S))
     bounds_s = time_s[0] + PIECE_S * np.arange(count)
     piece_of = np.searchsorted(bounds_s, time_s, side="right") - 1
@@ -54,11 +64,15 @@ class Lying(NamedTuple):
 def lyings_of(path: Path) -> list[Lying]:
     """Return the trials of the drive at ``path``; raise ``SourceError`` if it is none.
 
-    In the first half of the mountings the phone is only tilted, in the others it lies anyhow.
+    In the first half of the mountings the phone is only tilted, in the others it lies anyhow. A
+    drive too short to slip in is scored as it was recorded alone.
     """
-    count = len(pieces_of(path))
+    pieces = pieces_of(path)
+    count = len(pieces)
     lies: tuple[Lie, Lie] = ("tilted", "any")
     fixed = [Lying(f"{path.stem}/piece_{piece}", piece, None) for piece in range(count)]
+    if min(np.ptp(piece.samples.time_ns) for piece in pieces) < SLIPPING_S * NS_PER_S:
+        return fixed
     return fixed + [
         Lying(f"{path.stem}/seed_{seed}", seed % count, lies[2 * seed // MOUNTINGS], seed)
         for seed in range(MOUNTINGS)

@@ -76,6 +76,10 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
     "in g": ({"acc_m_s2": np.tile([0.0, 0.0, -1.0], (200, 1))}, "acc_m_s2 mostly reads 1,"),
     "in degrees": ({"gyr_rad_s": np.full((200, 3), 90.0)}, "is it in °/s?"),
     "silent gyroscope": ({"gyr_rad_s": np.full((200, 3), np.nan)}, "gyr_rad_s holds no reading"),
+    "silent car": (
+        {"truth_t_s": np.arange(3.0), "truth_speed_m_s": np.full(3, np.nan)},
+        "truth_speed_m_s holds no speed",
+    ),
     "truth beyond the end": (
         {"truth_stride_index": np.array([0, 200]), "truth_stride_xy_m": np.zeros((2, 2))},
         "outside t_s",

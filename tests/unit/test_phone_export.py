@@ -15,6 +15,7 @@ from edge_agent.mounts.chest import ChestMount
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.phone_export import read_phone_export
 from edge_agent.sources.recording import SourceError
+from edge_agent.sources.trials import find_trials
 from shared.maths.rotations import from_rotation_vector
 from shared.messages import ImuSample
 from tests.bouncing_phone import Phone
@@ -84,6 +85,13 @@ def test_a_walk_is_followed_from_a_zip_as_from_a_folder(android: Path, tmp_path:
         ways.append([one for one in told if one is not None] + mount.finish())
     assert ways[0] == ways[1]
     assert sum(one.steps for one in ways[0]) == 20
+
+
+def test_an_export_is_one_walk_to_score(android: Path) -> None:
+    (trial,) = find_trials(str(android), 0, "chest")
+    data = trial.load()
+    assert (trial.name, len(data.samples)) == ("export", len(samples()))
+    assert data.truth is None
 
 
 def test_a_vehicles_phone_tells_the_speed_that_satellites_have(android: Path) -> None:
