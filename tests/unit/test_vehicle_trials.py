@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from edge_agent.sources.vehicle_trials import MOUNTINGS, Lying, lyings_of, piece
 def drive(folder: Path, lasts_s: float, speed_s: float | None) -> Path:
     """Write a drive of ``lasts_s`` at rest, whose speed is known for ``speed_s`` but for gaps."""
     time_s = 100.0 + np.arange(0.0, lasts_s, 0.02)
-    arrays = {
+    arrays: dict[str, Any] = {
         "t_s": time_s,
         "acc_m_s2": np.tile([0.0, 0.0, -9.81], (len(time_s), 1)),
         "gyr_rad_s": np.zeros((len(time_s), 3)),
