@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from command_post.fusion.team.assembly import AxisBelief, assemble
+from command_post.fusion.team.assembly import AS_TOLD, AxisBelief, assemble
 from command_post.fusion.team.elimination import EVERY_NODE
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -50,7 +50,7 @@ def test_smoother_cold_with_covariance(benchmark: BenchmarkFixture, log: TeamLog
     )
 
     def solve() -> tuple[int, int, int]:
-        assembled = assemble(log, until_ns, belief, 1.0, SETTINGS)
+        assembled = assemble(log, until_ns, belief, AS_TOLD, SETTINGS)
         assert assembled is not None
         pose, arrow = begin_from(NOTHING, assembled)
         _, made, covariance, _ = smooth(

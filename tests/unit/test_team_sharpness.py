@@ -1,24 +1,35 @@
-"""How sharp peaks are is learnt from how far passes lie from their DAPs."""
+"""How far passes and moves scatter is learnt from how far they are off once all is solved."""
 
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 import pytest
 
-from command_post.fusion.team.assembly import NO_AXIS, assemble
+from command_post.fusion.team.assembly import AS_TOLD, NO_AXIS, Noise, assemble
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.sharpness import LEAST_SCALE, MOST_SCALE, learnt_scale
+from command_post.fusion.team.sharpness import (
+    LEAST_OF_MOVES,
+    LEAST_SCALE,
+    MOST_OF_MOVES,
+    MOST_SCALE,
+    learnt_noise,
+)
 from command_post.fusion.team.solution import NOTHING
 from command_post.fusion.team.solving import commit, solve
-from tests.stride_world import at_ns, installation, stride, track_start
+from shared.messages import DapInstallation, OdometryIncrement, RssiPeak
+from tests.stride_world import STRIDE_M, at_ns, installation, stride, track_start
 from tests.unit.test_team_tracker import peak_at
 
 SETTINGS = TeamSettings(axis=False)
 LOST = TeamSettings(axis=False, stride_sd_m=20.0)
 END_S = 200.0
+
+Said: TypeAlias = tuple[str, OdometryIncrement | DapInstallation | RssiPeak]
+"""By whom, and what."""
 
 
 def to_and_fro(aside_m: float, seed: int = 1, passes: int = 60) -> TeamLog:
@@ -38,12 +49,16 @@ def to_and_fro(aside_m: float, seed: int = 1, passes: int = 60) -> TeamLog:
 
 
 def learnt(log: TeamLog, rounds: int = 4) -> float:
+    return learnt_all(log, rounds).passes
+
+
+def learnt_all(log: TeamLog, rounds: int) -> Noise:
     before = NOTHING
     for number in range(1, rounds + 1):
         solved = commit(log, at_ns(END_S), before, SETTINGS)
         assert solved is not None
-        before = solved.solution(number, solved.tie_scale(SETTINGS))
-    return before.tie_scale
+        before = solved.solution(number, solved.noise(SETTINGS))
+    return before.noise
 
 
 def test_peaks_are_taken_for_no_sharper_than_twice_what_is_told() -> None:
@@ -64,7 +79,7 @@ def test_what_the_solution_follows_does_not_make_passes_sharp() -> None:
     log = to_and_fro(2.4)
     solved = commit(log, at_ns(END_S), NOTHING, LOST)
     assert solved is not None
-    assert solved.tie_scale(LOST) == pytest.approx(1.0, abs=0.1)
+    assert solved.noise(LOST).passes == pytest.approx(1.0, abs=0.1)
 
     assert learnt(to_and_fro(60.0)) <= MOST_SCALE
 
@@ -100,13 +115,16 @@ def test_nobody_passed_anything() -> None:
     log.add_start("r1", track_start(0.0, heading_sd_rad=0.1))
     solved = solve(log, at_ns(10.0), NOTHING, NO_AXIS, SETTINGS, 5)
     assert solved is not None
-    assert learnt_scale(solved.assembled, solved.pose, solved.arrow, SETTINGS) == 1.0
+    found = learnt_noise(solved.assembled, solved.pose, solved.arrow, SETTINGS)
+    assert found == pytest.approx(AS_TOLD, abs=1e-3)
 
 
 def test_a_scale_blunts_passes_and_nothing_else() -> None:
     log = to_and_fro(0.0, passes=3)
     log.add_dap("own", installation(3.0, "r1", None))
-    sharp, blunt = (assemble(log, at_ns(END_S), NO_AXIS, scale, SETTINGS) for scale in (1.0, 3.0))
+    sharp, blunt = (
+        assemble(log, at_ns(END_S), NO_AXIS, Noise(passes=scale), SETTINGS) for scale in (1.0, 3.0)
+    )
     assert sharp is not None
     assert blunt is not None
     is_pass = sharp.graph.tie[:, 3] > 0.0
@@ -115,3 +133,82 @@ def test_a_scale_blunts_passes_and_nothing_else() -> None:
     ratio = blunt.graph.tie[:, 2] / sharp.graph.tie[:, 2]
     assert ratio[is_pass] == pytest.approx(3.0)
     assert ratio[~is_pass] == pytest.approx(1.0)
+    np.testing.assert_array_equal(blunt.graph.move, sharp.graph.move)
+
+
+def walked(
+    place_times: float, turn_times: float, *, drift_rad_s: float = 0.0, scale: float = 1.0,
+    seed: int = 3, strides: int = 180,
+) -> list[Said]:  # fmt: skip
+    """Return what is said of a straight way past known DAPs, one every six strides.
+
+    Strides scatter by so many times what the settings say, in place and in turn.
+    """
+    chance, place_m, turn_rad = np.random.default_rng(seed), np.zeros(2), 0.0
+    own_m = place_times * (SETTINGS.stride_sd_m + SETTINGS.stride_sd_share * STRIDE_M)
+    said: list[Said] = []
+    for k in range(strides):
+        turn_rad += turn_times * SETTINGS.stride_turn_sd_rad * chance.normal() + drift_rad_s
+        place_m[0] += STRIDE_M
+        went_m = scale * STRIDE_M * np.array([math.cos(turn_rad), math.sin(turn_rad)])
+        north_m, east_m = (went_m + own_m * chance.normal(size=2)).tolist()
+        said.append(("r1", stride(1.0 + k, north_m, east_m, sequence=k)))
+        if k % 6 == 5:
+            dap_id, stands_m = f"dap{k}", (float(place_m[0]), float(place_m[1]))
+            said.append((dap_id, installation(0.0, None, stands_m)))
+            said.append((dap_id, peak_at(1.0 + k, "r1", peak_dbm=-38.0)))
+    return said
+
+
+def logged(said: list[Said]) -> TeamLog:
+    log = TeamLog()
+    log.add_start("r1", track_start(0.0, heading_sd_rad=0.01))
+    for node_id, message in said:
+        if isinstance(message, OdometryIncrement):
+            log.add_move(node_id, message)
+        elif isinstance(message, RssiPeak):
+            log.add_peak(node_id, message)
+        else:
+            log.add_dap(node_id, message)
+    return log
+
+
+def test_how_far_strides_scatter_is_found_from_where_they_lead() -> None:
+    as_told = learnt_all(logged(walked(1.0, 1.0)), 4)
+    places = learnt_all(logged(walked(4.0, 1.0)), 4)
+    turns = learnt_all(logged(walked(1.0, 4.0)), 4)
+    faultless = learnt_all(logged(walked(0.0, 0.0)), 4)
+
+    assert 0.7 < as_told.places < 1.2
+    assert 0.7 < as_told.turns < 1.2
+    assert places.places > 1.25 * as_told.places
+    assert turns.turns > 2.0 * as_told.turns
+    assert turns.turns > places.turns
+    assert places.places > turns.places
+    assert LEAST_OF_MOVES <= faultless.places < 0.95 * as_told.places
+    assert LEAST_OF_MOVES <= faultless.turns < 0.9 * as_told.turns
+
+
+def test_strides_are_not_held_to_scatter_without_bounds() -> None:
+    wild = learnt_all(logged(walked(60.0, 60.0)), 4)
+    assert max(wild.places, wild.turns) <= MOST_OF_MOVES
+
+
+def test_a_short_way_says_little_of_how_strides_scatter() -> None:
+    few = learnt_all(logged(walked(4.0, 4.0, strides=18)), 4)
+    many = learnt_all(logged(walked(4.0, 4.0)), 4)
+    assert few.places < many.places
+    assert few.turns < many.turns
+
+
+def test_what_lasts_is_not_taken_for_scatter() -> None:
+    lasting = walked(0.0, 0.0, drift_rad_s=2.0 * SETTINGS.drift_sd_rad_s, scale=0.97)
+    noise = learnt_all(logged(lasting), 4)
+    assert noise.places < 1.0
+    assert noise.turns < 1.0
+
+
+def test_what_is_learnt_is_the_same_to_the_bit_in_whatever_order_it_is_heard() -> None:
+    said = walked(2.0, 2.0, strides=60)
+    order = np.random.default_rng(1).permutation(len(said)).tolist()
+    assert learnt_all(logged([said[k] for k in order]), 2) == learnt_all(logged(said), 2)

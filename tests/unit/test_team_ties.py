@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from command_post.fusion.team.assembly import NO_AXIS, Assembled, assemble
+from command_post.fusion.team.assembly import AS_TOLD, NO_AXIS, Assembled, assemble
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from shared.messages import Contact
@@ -31,7 +31,7 @@ def walk(
 
 
 def assembled_of(log: TeamLog) -> Assembled:
-    assembled = assemble(log, at_ns(100.0), NO_AXIS, 1.0, SETTINGS)
+    assembled = assemble(log, at_ns(100.0), NO_AXIS, AS_TOLD, SETTINGS)
     assert assembled is not None
     return assembled
 

@@ -80,7 +80,7 @@ def alone(found: Solved, index: int, settings: TeamSettings) -> Solved:
     by = [0 if assembled.installed_by[place] == index else -1 for place in passed.tolist()]
     seen = [assembled.seen_at[place] - first for place in passed.tolist()]
     places = [assembled.places[place] for place in passed.tolist()]
-    own = Assembled(graph, [chain], [nodes], units, [0], places, seen, by, assembled.tie_scale,
+    own = Assembled(graph, [chain], [nodes], units, [0], places, seen, by, assembled.noise,
                     assembled.aside_m2[passed])  # fmt: skip
     return solved_from(
         own, found.pose[first:end].copy(), found.arrow[own_arrow], found.belief, settings,

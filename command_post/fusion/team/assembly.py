@@ -45,16 +45,29 @@ class AxisBelief(NamedTuple):
 NO_AXIS = AxisBelief("none", 0.0, 1.0, frozenset())
 
 
+class Noise(NamedTuple):
+    """By how much standard deviations are wider than the settings and the units say.
+
+    ``passes`` are those of passes of DAPs; ``places`` and ``turns`` those of moves.
+    """
+
+    passes: float = 1.0
+    places: float = 1.0
+    turns: float = 1.0
+
+
+AS_TOLD = Noise()
+
+
 @dataclass
 class Assembled:
     """A graph, and what its nodes and places are.
 
     ``chains`` in the graph's order; ``nodes`` the stances that are nodes, by chain; ``places`` in
-    the arrow's order, with the chain's node by which each is first tied (``seen_at``). Of
-    passes of DAPs the standard deviations are ``tie_scale`` times what the settings say. A place
-    is here where it is passed: of a known one that may be aside of where it stands, each way with
-    the variance ``aside_m2``, which the graph has in what is known of it. Ties say ``tie_share`` of
-    what each would by itself.
+    the arrow's order, with the chain's node by which each is first tied (``seen_at``). Standard
+    deviations are as ``noise`` says. A place is here where it is passed: of a known one that may be
+    aside of where it stands, each way with the variance ``aside_m2``, which the graph has in what
+    is known of it. Ties say ``tie_share`` of what each would by itself.
     """
 
     graph: Graph
@@ -65,7 +78,7 @@ class Assembled:
     places: list[PlaceId] = field(default_factory=list)
     seen_at: list[int] = field(default_factory=list)
     installed_by: list[int] = field(default_factory=list)
-    tie_scale: float = 1.0
+    noise: Noise = AS_TOLD
     aside_m2: Floats = field(default_factory=lambda: np.empty(0))
     tie_share: Floats = field(default_factory=lambda: np.empty(0))
 
@@ -91,7 +104,7 @@ class Assembled:
 
 
 def assemble(
-    log: TeamLog, until_ns: int, belief: AxisBelief, tie_scale: float, settings: TeamSettings
+    log: TeamLog, until_ns: int, belief: AxisBelief, noise: Noise, settings: TeamSettings
 ) -> Assembled | None:
     """Return the graph of all that happened until ``until_ns``; ``None`` if nobody has started."""
     chains = [
@@ -103,7 +116,7 @@ def assemble(
         return None
     ties, known = ties_of(log, chains, until_ns, settings)
     ties = [
-        tie._replace(sd_m=tie_scale * tie.sd_m) if tie.dof and tie.place[0] == "dap" else tie
+        tie._replace(sd_m=noise.passes * tie.sd_m) if tie.dof and tie.place[0] == "dap" else tie
         for tie in ties
     ]
     fixes = _fixes(log, chains, until_ns, settings)
@@ -112,8 +125,7 @@ def assemble(
         place: (each.north_m, each.east_m, math.hypot(each.sd_m, math.sqrt(asides.get(place, 0.0))))
         for place, each in known.items()
     }
-    assembled = _build(chains, ties, held, fixes, belief, settings)
-    assembled.tie_scale = tie_scale
+    assembled = _build(chains, ties, held, fixes, belief, noise, settings)
     assembled.aside_m2 = np.array([asides.get(place, 0.0) for place in assembled.places])
     return assembled
 
@@ -157,6 +169,7 @@ def _build(
     known: Mapping[PlaceId, tuple[float, float, float]],
     fixes: list[_FixRow],
     belief: AxisBelief,
+    noise: Noise,
     settings: TeamSettings,
 ) -> Assembled:
     nodes, first = _nodes(chains, ties, fixes, settings)
@@ -172,7 +185,7 @@ def _build(
     column = {place: FIRST_UNIT + 2 * (units + at) for at, place in enumerate(places)}
     ties = sorted(ties, key=lambda tie: (tie.chain, tie.stance, tie.place, tie.sd_m))
     moves = [
-        _moves(chain, nodes[index], int(first[index]), int(unit_first[index]))
+        _moves(chain, nodes[index], int(first[index]), int(unit_first[index]), noise)
         for index, chain in enumerate(chains)
     ]
     move = np.concatenate([rows for rows, _ in moves])
@@ -214,7 +227,7 @@ def _build(
             by[tie.place] = tie.chain
     return Assembled(
         graph, chains, nodes, units, unit_first.tolist(), places,
-        [seen.get(place, -1) for place in places], [by.get(place, -1) for place in places],
+        [seen.get(place, -1) for place in places], [by.get(place, -1) for place in places], noise,
         tie_share=np.array([tie.share for tie in ties]),
     )  # fmt: skip
 
@@ -267,7 +280,9 @@ def _tie_rows(chains: list[Chain], ties: list[Tie]) -> Floats:
     return rows
 
 
-def _moves(chain: Chain, nodes: Ints, first: int, first_unit: int) -> tuple[Floats, Ints]:
+def _moves(
+    chain: Chain, nodes: Ints, first: int, first_unit: int, noise: Noise
+) -> tuple[Floats, Ints]:
     """Return a chain's rows of ``Graph.move`` and ``Graph.move_at``."""
     one, other = nodes[:-1], nodes[1:]
     way_m = chain.way_m[other] - chain.way_m[one]
@@ -275,8 +290,8 @@ def _moves(chain: Chain, nodes: Ints, first: int, first_unit: int) -> tuple[Floa
     place_m2, turn_rad2 = (chain.variance[other] - chain.variance[one]).T
     length_m = chain.length_m[other] - chain.length_m[one]
     # The turn goes evenly from one end's to the other's; where it did not, the way bends.
-    sd_m = np.sqrt(place_m2) + 0.29 * length_m * np.sqrt(turn_rad2)
-    sd_rad = np.sqrt(turn_rad2)
+    sd_m = noise.places * (np.sqrt(place_m2) + 0.29 * length_m * np.sqrt(turn_rad2))
+    sd_rad = noise.turns * np.sqrt(turn_rad2)
     link = np.isin(other, chain.links)
     sd_m[link] = np.sqrt(place_m2[link])
     sd_rad[link] = UNKNOWN_TURN_SD_RAD

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from command_post.fusion.interface import Doubt
 from command_post.fusion.team.arithmetic import logarithm
-from command_post.fusion.team.assembly import assemble
+from command_post.fusion.team.assembly import Noise, assemble
 from command_post.fusion.team.graph import FIRST_UNIT
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.misfits import (
@@ -80,14 +80,14 @@ class Verdict(NamedTuple):
 
 
 class _Case(NamedTuple):
-    """What is judged: all solutions of it with passes as sharp, so that costs compare.
+    """What is judged: all solutions of it under the same noise, so that costs compare.
 
     ``of_crowd`` is a crew of a large team, for which little time is left.
     """
 
     log: TeamLog
     time_ns: int
-    tie_scale: float
+    noise: Noise
     settings: TeamSettings
     of_crowd: bool
 
@@ -124,7 +124,7 @@ def examine(
     """
     if not settings.doubts:
         return Verdict(solved, (), {})
-    case = _Case(log, time_ns, before.tie_scale, settings, of_crowd)
+    case = _Case(log, time_ns, before.noise, settings, of_crowd)
     verdict = Verdict(solved, before.held, dict(before.examined))
     for held in before.held:
         verdict = _reviewed(case, verdict, held)
@@ -339,11 +339,11 @@ def _solved_with(
     """Return the team solved as if all that were right, from ``begin`` and from nothing."""
     suspicions = (*kept, suspicion) if suspicion else kept
     log = supposed(case.log, suspicions)
-    before = begin.solution(case.time_ns, case.tie_scale)
+    before = begin.solution(case.time_ns, case.noise)
     settings = case.settings
     if suspicion is not None and suspicion.kind == "renewed":
         return _turned_since(case, log, before, begin, suspicion)
-    nothing = NOTHING._replace(tie_scale=case.tie_scale)
+    nothing = NOTHING._replace(noise=case.noise)
     tried = [
         solve(log, case.time_ns, each, begin.belief, settings, settings.commit_iterations)
         for each in ((before, nothing) if suspicion and suspicion.kind == "swapped" else (before,))
@@ -356,7 +356,7 @@ def _turned_since(
     case: _Case, log: TeamLog, before: Solution, begin: Solved, suspicion: Suspicion
 ) -> Solved | None:
     """Return the best of the solutions with a responder's way turned since their unit changed."""
-    assembled = assemble(log, case.time_ns, begin.belief, case.tie_scale, case.settings)
+    assembled = assemble(log, case.time_ns, begin.belief, case.noise, case.settings)
     if assembled is None:
         return None
     assembled = by_floor(log, assembled, case.time_ns, case.settings)

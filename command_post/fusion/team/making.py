@@ -50,7 +50,7 @@ def solved_crew(
     solved, held, examined = examine(
         log, time_ns, solved, before, settings, of_crowd=not crew.is_everybody
     )
-    solution = solved.solution(time_ns, solved.tie_scale(settings))._replace(
+    solution = solved.solution(time_ns, solved.noise(settings))._replace(
         held=held, examined=examined, storeys_m=before.storeys_m
     )
     log = supposed(log, solution.suspicions)

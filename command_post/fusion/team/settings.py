@@ -68,6 +68,10 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     believed in as well where headings come as near to it as ``planned_axis_most_off`` standard
     deviations. What units tell of how sure their turns are is taken ``told_turn_factor`` times as
     wide: of running boots, whose gyroscopes clip, it is far too narrow.
+
+    How far passes and moves scatter is learnt, and held to what is told here by as many of either
+    as ``noise_prior`` says. A unit's scale is known to ``scale_sd``, which is more than boots
+    differ by: strides that go unnoticed make all ways of a team short alike, and no pass tells.
     """
 
     tick_s: Seconds = 2.0
@@ -86,7 +90,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     crew_most: Annotated[int, Meta(ge=1, le=10_000)] = 16
     solved_a_second: Annotated[float, Meta(gt=0.0, le=1e6)] = 100.0
 
-    scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.02
+    scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
     loose_scale_sd: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.12
     doubts: bool = True
     drift_sd_rad_s: Radians = math.radians(0.05)
@@ -113,7 +117,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     aside_share: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.6
     near_sd_m: Metres = 2.5
     sharpness: Sharpness = Sharpness()
-    scale_prior_ties: Annotated[float, Meta(gt=0.0, le=1e6)] = 5.0
+    noise_prior: Annotated[float, Meta(gt=0.0, le=1e6)] = 5.0
     shadowing_m: Metres = 5.0
     lead_sd_s: Seconds = 0.2
     contact_gain_db: Annotated[float, Meta(ge=-50.0, le=50.0)] = 5.0

@@ -11,9 +11,11 @@ import numpy as np
 
 from command_post.fusion.team.arithmetic import carried, sine_cosine
 from command_post.fusion.team.assembly import (
+    AS_TOLD,
     NO_AXIS,
     Assembled,
     AxisBelief,
+    Noise,
 )
 from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.graph import AXIS, LEAD
@@ -84,7 +86,7 @@ class Solution(NamedTuple):
     """The team as it was solved at ``time_ns``, at that cost, and what was believed of its axis.
 
     ``storeys_m`` are the heights (m down) on which it had walked; ``lead_s`` is by how much peaks
-    lead, ``tie_scale`` the scale of how far passes lie from their DAPs; ``held`` is what was held
+    lead, ``noise`` how far passes and moves scatter beside what is told; ``held`` is what was held
     against nodes, ``examined`` by how many passes each was last judged. Later ones begin from
     ``anchors``, and in time from those that are ``to_come``; ``past`` are the ways before.
     """
@@ -96,7 +98,7 @@ class Solution(NamedTuple):
     lead_s: float
     belief: AxisBelief
     cost: float
-    tie_scale: float
+    noise: Noise
     storeys_m: tuple[float, ...] = ()
     held: tuple[Held, ...] = ()
     examined: Mapping[str, int] = MappingProxyType({})
@@ -110,7 +112,7 @@ class Solution(NamedTuple):
         return tuple(each.suspicion for each in self.held)
 
 
-NOTHING = Solution(-1, {}, {}, 0.0, 0.0, NO_AXIS, math.inf, 1.0)
+NOTHING = Solution(-1, {}, {}, 0.0, 0.0, NO_AXIS, math.inf, AS_TOLD)
 
 
 def joined(solutions: Sequence[Solution]) -> Solution:
@@ -131,7 +133,7 @@ def joined(solutions: Sequence[Solution]) -> Solution:
             each.lead_s,
             surest.belief._replace(units=of_all.belief.units | each.belief.units),
             each.cost,
-            each.tie_scale,
+            each.noise,
             each.storeys_m or of_all.storeys_m,
             (*each.held, *of_all.held),
             {**of_all.examined, **each.examined},
@@ -247,7 +249,7 @@ def solution_of(
     arrow: Floats,
     belief: AxisBelief,
     cost: float,
-    tie_scale: float,
+    noise: Noise,
 ) -> Solution:
     """Return what was solved, by time and name."""
     chains = {}
@@ -263,7 +265,7 @@ def solution_of(
         column = assembled.place_column(place)
         places[place_id] = (float(arrow[column]), float(arrow[column + 1]))
     return Solution(
-        time_ns, chains, places, float(arrow[AXIS]), float(arrow[LEAD]), belief, cost, tie_scale
+        time_ns, chains, places, float(arrow[AXIS]), float(arrow[LEAD]), belief, cost, noise
     )
 
 

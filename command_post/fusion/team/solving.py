@@ -12,6 +12,7 @@ from command_post.fusion.team.assembly import (
     NO_AXIS,
     Assembled,
     AxisBelief,
+    Noise,
     assemble,
 )
 from command_post.fusion.team.axis import directions, likely_axis, told_by_legs
@@ -21,7 +22,7 @@ from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import Floats, TeamLog
 from command_post.fusion.team.same_floor import by_floor
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.sharpness import learnt_scale
+from command_post.fusion.team.sharpness import learnt_noise
 from command_post.fusion.team.smoother import log_determinant, smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
 from shared.maths.angles import HALF_PI, nearest_right_angle_rad, wrap_rad
@@ -64,14 +65,14 @@ class Solved(NamedTuple):
         is_sharp = float(self.ends[index, 3]) < settings.recovered_turn_sd_rad**2
         return is_sharp and chain.last_unit_name in self.belief.units
 
-    def tie_scale(self, settings: TeamSettings) -> float:
-        """Return how sharp peaks are by this solution."""
-        return learnt_scale(self.assembled, self.pose, self.arrow, settings)
+    def noise(self, settings: TeamSettings) -> Noise:
+        """Return how far passes and moves scatter by this solution."""
+        return learnt_noise(self.assembled, self.pose, self.arrow, settings)
 
-    def solution(self, time_ns: int, tie_scale: float) -> Solution:
-        """Return it by time and name, with how sharp peaks are held to be."""
+    def solution(self, time_ns: int, noise: Noise) -> Solution:
+        """Return it by time and name, with how far passes and moves are held to scatter."""
         return solution_of(
-            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost, tie_scale
+            time_ns, self.assembled, self.pose, self.arrow, self.belief, self.cost, noise
         )
 
 
@@ -80,7 +81,7 @@ def solve(
     iterations: int,
 ) -> Solved | None:  # fmt: skip
     """Return the team at ``time_ns``, started from ``before``; ``None`` if nobody has started."""
-    assembled = assemble(log, time_ns, belief, before.tie_scale, settings)
+    assembled = assemble(log, time_ns, belief, before.noise, settings)
     if assembled is None:
         return None
     assembled = by_floor(log, assembled, time_ns, settings)
