@@ -25,6 +25,7 @@ from tests.stride_world import STRIDE_M, at_ns, installation, stride, track_star
 from tests.unit.test_team_tracker import peak_at
 
 SETTINGS = TeamSettings(axis=False)
+EAGER = TeamSettings(axis=False, noise_prior_moves=5.0)
 LOST = TeamSettings(axis=False, stride_sd_m=20.0)
 END_S = 200.0
 
@@ -52,12 +53,12 @@ def learnt(log: TeamLog, rounds: int = 4) -> float:
     return learnt_all(log, rounds).passes
 
 
-def learnt_all(log: TeamLog, rounds: int) -> Noise:
+def learnt_all(log: TeamLog, rounds: int, settings: TeamSettings = SETTINGS) -> Noise:
     before = NOTHING
     for number in range(1, rounds + 1):
-        solved = commit(log, at_ns(END_S), before, SETTINGS)
+        solved = commit(log, at_ns(END_S), before, settings)
         assert solved is not None
-        before = solved.solution(number, solved.noise(SETTINGS))
+        before = solved.solution(number, solved.noise(settings))
     return before.noise
 
 
@@ -174,10 +175,10 @@ def logged(said: list[Said]) -> TeamLog:
 
 
 def test_how_far_strides_scatter_is_found_from_where_they_lead() -> None:
-    as_told = learnt_all(logged(walked(1.0, 1.0)), 4)
-    places = learnt_all(logged(walked(4.0, 1.0)), 4)
-    turns = learnt_all(logged(walked(1.0, 4.0)), 4)
-    faultless = learnt_all(logged(walked(0.0, 0.0)), 4)
+    as_told = learnt_all(logged(walked(1.0, 1.0)), 4, EAGER)
+    places = learnt_all(logged(walked(4.0, 1.0)), 4, EAGER)
+    turns = learnt_all(logged(walked(1.0, 4.0)), 4, EAGER)
+    faultless = learnt_all(logged(walked(0.0, 0.0)), 4, EAGER)
 
     assert 0.7 < as_told.places < 1.2
     assert 0.7 < as_told.turns < 1.2

@@ -69,8 +69,9 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     deviations. What units tell of how sure their turns are is taken ``told_turn_factor`` times as
     wide: of running boots, whose gyroscopes clip, it is far too narrow.
 
-    How far passes and moves scatter is learnt, and held to what is told here by as many of either
-    as ``noise_prior`` says. A unit's scale is known to ``scale_sd``, which is more than boots
+    How far passes and moves scatter is learnt, and held to what is told here by as many of
+    them as ``noise_prior_passes`` and ``noise_prior_moves`` say: of one way alone hardly any move
+    is told by anything else. A unit's scale is known to ``scale_sd``, which is more than boots
     differ by: strides that go unnoticed make all ways of a team short alike, and no pass tells.
     """
 
@@ -117,7 +118,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     aside_share: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.6
     near_sd_m: Metres = 2.5
     sharpness: Sharpness = Sharpness()
-    noise_prior: Annotated[float, Meta(gt=0.0, le=1e6)] = 5.0
+    noise_prior_passes: Annotated[float, Meta(gt=0.0, le=1e6)] = 5.0
+    noise_prior_moves: Annotated[float, Meta(gt=0.0, le=1e6)] = 15.0
     shadowing_m: Metres = 5.0
     lead_sd_s: Seconds = 0.2
     contact_gain_db: Annotated[float, Meta(ge=-50.0, le=50.0)] = 5.0
