@@ -1,8 +1,8 @@
 """What straight moves say of a building's axis: where it lies, and whether there is one (pure).
 
-Directions are taken modulo a right angle. Moves one after another in one direction, there or back,
-are one *leg*: they show how somebody is headed all along it, but of a building no more than that
-one way of theirs goes there.
+Directions are taken modulo a right angle. Moves one after another in one direction are one *leg*:
+they show how somebody is headed all along it, but of a building no more than that one way of theirs
+goes there.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 from collections.abc import Set as AbstractSet
 
 import numpy as np
+from numpy.typing import NDArray
 
 from command_post.fusion.team.arithmetic import logarithm, nearest_right_angle
 from command_post.fusion.team.assembly import Assembled
@@ -24,39 +25,51 @@ from shared.maths.angles import HALF_PI, nearest_right_angle_rad
 AXIS_GRID = 45
 BEND_RAD = math.radians(10.0)
 """A move of a leg goes no further off the one before."""
-HALF_TURN = math.pi
+TURN = 2.0 * math.pi
 MOST_ODDS = 1e100
 
 
 def directions(
     assembled: Assembled, pose: Floats, held: AbstractSet[UnitName], settings: TeamSettings
 ) -> Floats:
-    """Return the ways (k,), in rad in the incident's frame, that legs of ``held`` units go."""
+    """Return the ways (k,), in rad in the incident's frame, that legs of ``held`` units go.
+
+    Of who is alone a leg back along the one before shows no other way, and is left out.
+    """
     found = [np.empty(0)]
     for index, chain in enumerate(assembled.chains):
         straight, own_rad = straight_moves(chain, assembled.nodes[index], held, settings)
         at = int(assembled.graph.first[index]) + straight
-        leg = legs(np.zeros(straight.size, np.int64), own_rad)
-        found.append(_means(own_rad + 0.5 * (pose[at, 2] + pose[at + 1, 2]), leg))
+        leg = legs(straight, own_rad)
+        along_rad = _means(own_rad + 0.5 * (pose[at, 2] + pose[at + 1, 2]), leg)
+        is_alone = len(assembled.chains) == 1
+        found.append(along_rad[_turns_off(along_rad)] if is_alone else along_rad)
     return np.concatenate(found)
 
 
-def legs(chain: Ints, direction_rad: Floats) -> Ints:
-    """Return which leg (k,) each straight move is of, from the chains (k,) that moves are of."""
-    bends = np.abs(_to_and_fro(np.diff(direction_rad))) > BEND_RAD
-    begins = np.concatenate([[True], bends | (np.diff(chain) != 0)])[: chain.size]
+def _turns_off(direction_rad: Floats) -> NDArray[np.bool_]:
+    """Return of each leg (k,) whether it goes neither on nor back along the one before."""
+    bend_rad = np.diff(direction_rad)
+    bend_rad -= math.pi * np.floor(bend_rad / math.pi + 0.5)
+    return np.concatenate([[True], np.abs(bend_rad) > BEND_RAD])[: direction_rad.size]
+
+
+def legs(node: Ints, direction_rad: Floats) -> Ints:
+    """Return which leg (k,) each straight move is of, from the nodes (k,) that moves begin at."""
+    bends = np.abs(_wrapped(np.diff(direction_rad))) > BEND_RAD
+    begins = np.concatenate([[True], bends | (np.diff(node) != 1)])[: node.size]
     return np.cumsum(begins) - 1
 
 
 def _means(direction_rad: Floats, leg: Ints) -> Floats:
     """Return the mean direction of each leg, from its moves' own (k,)."""
     first_rad = direction_rad[np.searchsorted(leg, np.arange(leg[-1] + 1 if leg.size else 0))]
-    off_rad = _to_and_fro(direction_rad - first_rad[leg])
-    return first_rad + np.bincount(leg, off_rad) / np.maximum(np.bincount(leg), 1)
+    off_rad = np.bincount(leg, _wrapped(direction_rad - first_rad[leg])) if leg.size else first_rad
+    return first_rad + off_rad / np.maximum(np.bincount(leg), 1)
 
 
-def _to_and_fro(angle_rad: Floats) -> Floats:
-    return np.asarray(angle_rad - HALF_TURN * np.floor(angle_rad / HALF_TURN + 0.5))
+def _wrapped(angle_rad: Floats) -> Floats:
+    return np.asarray(angle_rad - 2.0 * math.pi * np.floor(angle_rad / (2.0 * math.pi) + 0.5))
 
 
 def told_by_legs(graph: Graph, pose: Floats, arrow: Floats, share: float) -> tuple[float, float]:
@@ -69,8 +82,7 @@ def told_by_legs(graph: Graph, pose: Floats, arrow: Floats, share: float) -> tup
     """
     nodes = graph.move_at[graph.straight_at, 0]
     off_rad = _off_axis(graph, pose, arrow, nodes)
-    leg = legs(np.searchsorted(graph.first, nodes, side="right"), graph.straight[:, 0])
-    return cost_of_legs(graph.straight, off_rad, leg, share)
+    return cost_of_legs(graph.straight, off_rad, legs(nodes, graph.straight[:, 0]), share)
 
 
 @compiled
@@ -86,7 +98,7 @@ def cost_of_legs(straight: Floats, off_rad: Floats, leg: Ints, share: float) -> 
             odds = 0.5 / sd_rad
         else:
             bend_rad = direction_rad - straight[row - 1, 0]
-            bend = (bend_rad - HALF_TURN * math.floor(bend_rad / HALF_TURN + 0.5)) / sd_rad
+            bend = (bend_rad - TURN * math.floor(bend_rad / TURN + 0.5)) / sd_rad
             odds = min(odds * (1.0 + bend * bend), MOST_ODDS)
         odds /= 1.0 + off * off
         if row + 1 == leg.size or leg[row + 1] != leg[row]:
