@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from command_post.both_ways import BothWays, Side
 from command_post.fusion.interface import Fusion
-from command_post.told import why_nowhere
+from command_post.nodes.both_ways import BothWays, Side
+from command_post.nodes.told import why_nowhere
 from shared.messages import (
     Contact,
     DapInstallation,

@@ -10,11 +10,9 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
-from command_post.announcer import Announcer, Outgoing
-from command_post.begin_anew import begun_ns, daps_told, places_told, still_to_fuse, ways_told
-from command_post.command_desk import CommandDesk
-from command_post.dating import Dating
-from command_post.doubt_watch import DoubtWatch
+from command_post.desks.announcer import Announcer, Outgoing
+from command_post.desks.command_desk import CommandDesk
+from command_post.desks.orders import Orders
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards
 from command_post.fusion.methods import make_fusion
@@ -23,15 +21,23 @@ from command_post.fusion.track import Estimate
 from command_post.handing_over import FUSED, HandingOver, is_ones_own
 from command_post.incident_settings import IncidentSettings
 from command_post.known_keys import KnownKeys
-from command_post.last_told import LastTold
-from command_post.lateness import Lateness
-from command_post.node_clock import KnownClock
-from command_post.notices import Notice, Notices, named_in
-from command_post.orders import Orders
-from command_post.senders import Senders
-from command_post.set_aside import SetAside
-from command_post.teams import TeamWatch
-from command_post.told import LastMovement, RaisedAlarm, Told, why_nowhere
+from command_post.nodes.dating import Dating
+from command_post.nodes.doubt_watch import DoubtWatch
+from command_post.nodes.lateness import Lateness
+from command_post.nodes.node_clock import KnownClock
+from command_post.nodes.notices import Notice, Notices, named_in
+from command_post.nodes.senders import Senders
+from command_post.nodes.set_aside import SetAside
+from command_post.nodes.teams import TeamWatch
+from command_post.nodes.told import LastMovement, RaisedAlarm, Told, why_nowhere
+from command_post.resuming.begin_anew import (
+    begun_ns,
+    daps_told,
+    places_told,
+    still_to_fuse,
+    ways_told,
+)
+from command_post.resuming.last_told import LastTold
 from shared.codec import Refusal, decode
 from shared.messages import (
     AlarmKind,

@@ -8,7 +8,7 @@ import msgspec
 
 from command_post.fusion.settings import HOLD_S, FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
-from command_post.teams import Teams
+from command_post.nodes.teams import Teams
 from shared.messages import NodeId
 from shared.units import NS_PER_S
 

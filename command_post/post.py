@@ -17,25 +17,25 @@ from typing import NamedTuple
 import structlog
 from msgspec import structs
 
-from command_post.checkpoint import Checkpoints, Kept, State
 from command_post.company import Company
-from command_post.figures import Figures, by_reason
-from command_post.freshness import NodeWatch
+from command_post.desks.orders import OrderRepeats
 from command_post.going_on import GoingOn, Guest, Guests
 from command_post.incident import Incident
-from command_post.meanwhile import last_told, telling
-from command_post.metrics import Metrics
-from command_post.notice_log import log_notices
-from command_post.orders import OrderRepeats
+from command_post.metrics.figures import Figures, by_reason
+from command_post.metrics.prometheus import Metrics
+from command_post.nodes.freshness import NodeWatch
+from command_post.nodes.notice_log import log_notices
+from command_post.nodes.safekeeping import Safekeeping
+from command_post.nodes.strangers import stranger_message
 from command_post.post_clock import PostClock
 from command_post.reception import Reception
-from command_post.recording import Outgoing, RecordedIncident, Recorder
-from command_post.resume import Made, begin_anew, resume
+from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
+from command_post.resuming.checkpoint import Checkpoints, Kept, State
+from command_post.resuming.meanwhile import last_told, telling
+from command_post.resuming.resume import Made, begin_anew, resume
 from command_post.roster import Roster, RosterSettings, make_roster
-from command_post.safekeeping import Safekeeping
 from command_post.site_desk import SiteDesk
 from command_post.station_notice import StationNotice
-from command_post.strangers import stranger_message
 from command_post.voice import Voice
 from shared.bus.fair_inbox import FairInbox
 from shared.bus.interface import Bus, Received

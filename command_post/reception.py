@@ -10,7 +10,7 @@ from typing import Any
 
 import structlog
 
-from command_post.patience import Patience
+from command_post.nodes.patience import Patience
 from shared.bus.fair_inbox import FairInbox, sender_of
 from shared.bus.interface import Received
 from shared.codec import Refusal, decode, parse_key

@@ -9,11 +9,11 @@ import msgspec
 from msgspec import Meta
 
 from command_post.confidence import radii95_m
-from command_post.freshness import Freshness
+from command_post.desks.orders import Orders, Unacknowledged
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
-from command_post.orders import Orders, Unacknowledged
-from command_post.told import LastMovement, RaisedAlarm
+from command_post.nodes.freshness import Freshness
+from command_post.nodes.told import LastMovement, RaisedAlarm
 from shared.gate import Turned
 from shared.messages import Activity, Alarm, AlarmKind, LocalPosition, NodeHealth, Order, Supplies
 from shared.topics import Role

@@ -7,7 +7,7 @@ from typing import Any, get_type_hints
 
 import msgspec
 
-from command_post.freshness import Freshness
+from command_post.nodes.freshness import Freshness
 from command_post.roster import DapRow, OrderedRow, ResponderRow, Roster
 
 

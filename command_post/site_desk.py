@@ -9,8 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
-from command_post.announcer import Outgoing
 from command_post.coverage import CELL_DOWN_M, Covariance, Coverage
+from command_post.desks.announcer import Outgoing
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from shared.messages import NodeId, SiteAdvice

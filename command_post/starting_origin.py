@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from command_post.command_desk import START_ID
+from command_post.desks.command_desk import START_ID
 from command_post.roster import Roster
 from shared.codec import encode
 from shared.geodesy import Origin

@@ -6,9 +6,9 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from command_post.freshness import Freshness
+from command_post.nodes.freshness import Freshness
+from command_post.nodes.supplies import short_of
 from command_post.roster import DapRow, OrderedRow, ResponderRow, Roster
-from command_post.supplies import short_of
 from shared.messages import AlarmPhase
 
 _STYLES = {

@@ -16,8 +16,8 @@ from cyclopts import App
 
 from command_post.evaluation.pooled import PooledMethod, pool
 from command_post.incident import IncidentSettings
-from command_post.monte_carlo import Exercise, run_many
-from command_post.rehearsal import Agents
+from command_post.rehearsing.monte_carlo import Exercise, run_many
+from command_post.rehearsing.rehearsal import Agents
 from shared.exercise import REHEARSAL_INCIDENT
 
 RULES = {"by hand": "", "advised": "_advised", "spaced": "_spaced"}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
 from command_post.review.past import Past
 from shared.codec import encode
 from shared.mcap_index import IndexedRecording

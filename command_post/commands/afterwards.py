@@ -12,15 +12,15 @@ import structlog
 from rich.console import Console
 from rich.table import Table
 
-from command_post.evidence import Evidence
+from command_post.evaluation.evidence import Evidence
+from command_post.evaluation.track_difference import TrackDifference, differences
 from command_post.fusion.interface import Afterwards, SmoothedTrack
 from command_post.fusion.track_map import TrackMap, map_of
 from command_post.incident import Incident
-from command_post.notice_log import log_faults
-from command_post.plan_file import with_plan
+from command_post.nodes.notice_log import log_faults
+from command_post.plans.plan_file import with_plan
 from command_post.replay import Sides, recorded_settings, replay
 from command_post.review.comparison import tracks_of
-from command_post.track_difference import TrackDifference, differences
 from shared.config import ConfigError
 from shared.files import replace_atomically
 from shared.mcap_reader import RecordingError

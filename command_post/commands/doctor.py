@@ -25,7 +25,7 @@ from command_post.doctor.machine import (
 )
 from command_post.doctor.network import can_dial, can_listen
 from command_post.fusion.settings import FusionSettings
-from command_post.plan_file import with_plan
+from command_post.plans.plan_file import with_plan
 from shared.process import ExitCode, quieten_logging
 from shared.security.bundle import Bundle
 from shared.security.opening import local_endpoint

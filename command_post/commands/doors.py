@@ -15,9 +15,9 @@ from command_post.gateways.foxglove_live import foxglove_address, foxglove_serve
 from command_post.gateways.tak import TakServer, checked_server, linked_to_tak
 from command_post.going_on import Guest
 from command_post.listening import Address
-from command_post.plan_images import load_plan
+from command_post.nodes.teams import Crews
+from command_post.plans.plan_images import load_plan
 from command_post.starting_origin import StartingOrigin
-from command_post.teams import Crews
 from command_post.web.server import page_address, page_served
 from shared.geodesy import Origin, parse_origin
 from shared.messages import NodeId

@@ -14,16 +14,16 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.live import Live
 
-from command_post.checkpoint import Checkpoints, before_path, checkpoint_path, load
 from command_post.commands.doors import Doors
 from command_post.commands.post_options import Fusing, PostItself, Record, WhoIsWho
 from command_post.commands.prepare import make_ready
 from command_post.incident import Incident, IncidentSettings
-from command_post.metrics_server import metrics_address, told
+from command_post.metrics.server import metrics_address, told
 from command_post.post import Post
-from command_post.recording import Recorder
-from command_post.recording_file import RecorderError
-from command_post.recording_mirror import Mirror
+from command_post.recorder.file import RecorderError
+from command_post.recorder.mirror import Mirror
+from command_post.recorder.recording import Recorder
+from command_post.resuming.checkpoint import Checkpoints, before_path, checkpoint_path, load
 from command_post.roster import Roster
 from command_post.table import roster_table
 from shared.bus.interface import Bus

@@ -13,19 +13,19 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import Progress
 
-from command_post.cluster import ClusterError
-from command_post.distribution_picture import Drawn, draw_monte_carlo
 from command_post.evaluation.pooled import PooledScore, latency, pool
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.walls import Wall
 from command_post.incident import IncidentSettings
-from command_post.monte_carlo import Exercise, Run, run_many, run_one
-from command_post.plan_file import geojson_of, with_plan
-from command_post.recording_file import RecorderError
-from command_post.rehearsal import Agents, RehearsalError
-from command_post.rehearsal import rehearse as rehearse_scenario
-from command_post.score_table import pooled_table
+from command_post.plans.plan_file import geojson_of, with_plan
+from command_post.recorder.file import RecorderError
+from command_post.rehearsing.cluster import ClusterError
+from command_post.rehearsing.distribution_picture import Drawn, draw_monte_carlo
+from command_post.rehearsing.monte_carlo import Exercise, Run, run_many, run_one
+from command_post.rehearsing.rehearsal import Agents, RehearsalError
+from command_post.rehearsing.rehearsal import rehearse as rehearse_scenario
+from command_post.rehearsing.score_table import pooled_table
 from shared.config import checked
 from shared.exercise import REHEARSAL_INCIDENT
 from shared.files import replace_atomically

@@ -12,9 +12,9 @@ from cyclopts.validators import Number
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.time_line import TimeLineSettings
-from command_post.plan_file import with_usable_plan
-from command_post.recording_set import Rotation
-from command_post.teams import Teams
+from command_post.nodes.teams import Teams
+from command_post.plans.plan_file import with_usable_plan
+from command_post.recorder.parts import Rotation
 from shared.config import checked, load_toml
 from shared.messages import StationTable
 from shared.node_options import Insecure, Keys

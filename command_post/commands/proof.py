@@ -28,7 +28,7 @@ from command_post.proof.trial import (
     trial_settings,
     try_out,
 )
-from command_post.rehearsal import RehearsalError
+from command_post.rehearsing.rehearsal import RehearsalError
 from shared.messages import Mount
 from shared.process import ExitCode
 from shared.walk_by import calibration_db, read_walk_by

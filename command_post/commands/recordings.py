@@ -10,10 +10,10 @@ import structlog
 from cyclopts import Parameter
 from rich.console import Console
 
-from command_post.recording_file import RecorderError
-from command_post.recording_mirror import Mirror
-from command_post.salvage import salvage
-from command_post.verification import Verification, verify_recording
+from command_post.recorder.file import RecorderError
+from command_post.recorder.mirror import Mirror
+from command_post.recorder.salvage import salvage
+from command_post.recorder.verification import Verification, verify_recording
 from shared.geodesy import parse_origin
 from shared.mcap_reader import RecordingError
 from shared.process import ExitCode

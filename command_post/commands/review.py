@@ -12,7 +12,7 @@ import structlog
 from cyclopts import Parameter
 
 from command_post.listening import Address, listening_address
-from command_post.plan_images import load_plan
+from command_post.plans.plan_images import load_plan
 from command_post.review.background import Background
 from command_post.review.past import Past
 from command_post.review.wishes import Sources

@@ -10,17 +10,17 @@ import structlog
 from rich.console import Console
 
 from command_post.evaluation.errors import measure
+from command_post.evaluation.evidence import Evidence
 from command_post.evaluation.score_card import Score, score
-from command_post.evidence import Evidence
+from command_post.evaluation.track_difference import differences
 from command_post.fusion.settings import FusionMethod
 from command_post.incident import Incident
-from command_post.notice_log import log_faults
-from command_post.picture import draw_tracks
+from command_post.nodes.notice_log import log_faults
+from command_post.rehearsing.picture import draw_tracks
+from command_post.rehearsing.score_table import score_table
 from command_post.replay import Sides, recorded_settings
 from command_post.replay import replay as replay_recording
 from command_post.review.comparison import other_settings
-from command_post.score_table import score_table
-from command_post.track_difference import differences
 from shared.config import ConfigError
 from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from command_post.confidence import inside95, normalised_squared_error
-from command_post.evidence import Evidence, Method, Track
+from command_post.evaluation.evidence import Evidence, Method, Track
 from shared.maths.polygons import inside_polygon
 
 Floats: TypeAlias = NDArray[np.float64]

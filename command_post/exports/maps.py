@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from command_post.exports.material import Floats, Kind, Material, Stance, geodetic, iso
-from command_post.picture import COLOURS
+from command_post.rehearsing.picture import COLOURS
 from command_post.review.timeline import Mark
 from shared.geodesy import Geodetic, Origin
 from shared.messages import NodeId

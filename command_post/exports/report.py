@@ -12,8 +12,8 @@ import numpy as np
 from command_post.confidence import radii95_m
 from command_post.exports.material import Material, Stance, iso
 from command_post.exports.report_pictures import floor_map, floors_over_time, stays
+from command_post.recorder.verification import Verification, verify_recording
 from command_post.review.timeline import Mark
-from command_post.verification import Verification, verify_recording
 from shared.units import NS_PER_S
 
 ORDERS = frozenset({"evacuate", "roll_call", "message", "withdraw"})

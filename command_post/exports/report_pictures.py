@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from command_post.exports.material import Material, Stance
-from command_post.picture import COLOURS
+from command_post.rehearsing.picture import COLOURS
 from shared.messages import NodeId
 from shared.units import NS_PER_S
 

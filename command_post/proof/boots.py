@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from command_post.children import Children
 from command_post.proof.trial import RESPONDER, Heard, Trial, peaks_told, stands_at
-from command_post.rehearsal import STOP_GRACE_S, RehearsalError
+from command_post.rehearsing.rehearsal import STOP_GRACE_S, RehearsalError
 from shared.bus.wire_log import read_wire_log
 from shared.codec import Refusal, decode, parse_key
 from shared.exercise import REHEARSAL_START_NS

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from command_post.confidence import inside95
+from command_post.evaluation.evidence import Evidence, Method
 from command_post.evaluation.score_card import Radii, radii
-from command_post.evidence import Evidence, Method
 from command_post.incident import Incident, IncidentSettings
-from command_post.rehearsal import add_afterwards
+from command_post.rehearsing.rehearsal import add_afterwards
 from shared.codec import encode
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
 from shared.messages import DapInstallation, LocalPosition, Message, NodeId, RssiPeak

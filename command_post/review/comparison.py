@@ -11,15 +11,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from command_post.evidence import Evidence, Track
+from command_post.evaluation.evidence import Evidence, Track
+from command_post.evaluation.track_difference import differences
 from command_post.fusion.interface import Afterwards
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.incident import Incident, IncidentSettings
-from command_post.notice_log import log_faults
-from command_post.plan_file import with_plan
+from command_post.nodes.notice_log import log_faults
+from command_post.plans.plan_file import with_plan
 from command_post.replay import Sides, recorded_settings, replay
 from command_post.review.wishes import Compared, Line, Sources, Wish
-from command_post.track_difference import differences
 from shared.config import load_toml
 from shared.mcap_reader import RecordingError
 from shared.messages import NodeId

@@ -16,16 +16,16 @@ from typing import NamedTuple
 import msgspec
 
 from command_post.coverage import Coverage
+from command_post.desks.orders import Orders
 from command_post.floors import floors_of
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from command_post.incident_settings import IncidentSettings
-from command_post.orders import Orders
+from command_post.nodes.told import LastMovement, RaisedAlarm
 from command_post.review.standing import MADE, RARE, Course, Happened, Standing
 from command_post.review.tracks import Told, TrackBook
 from command_post.roster import ResponderRow, Roster, RosterSettings, make_roster
 from command_post.roster_json import roster_json
-from command_post.told import LastMovement, RaisedAlarm
 from command_post.web.board import Changes, TrackView, grown, track_view
 from shared.codec import Refusal, decode, parse_key
 from shared.geodesy import Origin

@@ -10,9 +10,9 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from command_post.desks.orders import Orders
 from command_post.fusion.dap_map import InstalledDap
-from command_post.orders import Orders
-from command_post.told import Told
+from command_post.nodes.told import Told
 from command_post.web.board import with_outside
 from shared.messages import (
     Alarm,

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
-from command_post.track_difference import TrackDifference
+from command_post.evaluation.track_difference import TrackDifference
 from shared.messages import NodeId, Vector3
 
 Way: TypeAlias = Literal["smoothed", "team", "published"]

@@ -25,7 +25,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
-from command_post.plan_images import Plan
+from command_post.plans.plan_images import Plan
 from command_post.web.answers import (
     RefusedError,
     body_of,

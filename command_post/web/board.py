@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from command_post.alert_desk import MOST_ALERTS
 from command_post.confidence import CHI_SQUARE_95, axes95
 from command_post.coverage import Coverage, Site
+from command_post.desks.alert_desk import MOST_ALERTS
 from command_post.floors import Floor, floors_of
 from command_post.roster import DapRow, ResponderRow, Roster
 from command_post.roster_json import roster_json

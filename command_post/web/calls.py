@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 from msgspec import Meta
 
-from command_post.plan_view import PlanView
-from command_post.teams import Crews
+from command_post.nodes.teams import Crews
+from command_post.plans.plan_view import PlanView
 from command_post.ways import Way
 from command_post.web.board import Changes
 from command_post.web.people import Role

@@ -8,9 +8,9 @@ from typing import IO, TypeAlias
 
 import msgspec
 
-from command_post.plan_images import Plan
+from command_post.nodes.teams import Crews
+from command_post.plans.plan_images import Plan
 from command_post.roster import Roster
-from command_post.teams import Crews
 from command_post.web.people import Person
 from command_post.web.serving import ServerKeys
 from shared.messages import NodeId

@@ -26,7 +26,7 @@ from starlette.staticfiles import StaticFiles
 
 from command_post.exports.endings import FORMATS, NEEDS_ORIGIN
 from command_post.exports.material import Material, material_of
-from command_post.plan_images import Plan
+from command_post.plans.plan_images import Plan
 from command_post.review.background import Background
 from command_post.review.past import Past
 from command_post.review.timeline import Timeline, timeline_of

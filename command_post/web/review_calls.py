@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from command_post.exports.endings import FORMATS
-from command_post.plan_view import PlanView
+from command_post.plans.plan_view import PlanView
 from command_post.review.timeline import Timeline
 from command_post.review.wishes import Compared, Wish
 from command_post.web.board import Changes

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from command_post.gateways.at_work import at_work
 from command_post.listening import Address, listening_address
-from command_post.plan_images import Plan
-from command_post.teams import Crews
+from command_post.nodes.teams import Crews
+from command_post.plans.plan_images import Plan
 from command_post.web.page_process import PageProcess
 from command_post.web.people import LOCAL_NAME, Person, load_people
 from command_post.web.pipe import Serving

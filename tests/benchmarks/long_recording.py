@@ -25,8 +25,8 @@ from mcap.reader import make_reader
 from msgspec import structs
 
 from command_post.incident_settings import IncidentSettings
-from command_post.recording_mirror import Mirror
-from command_post.recording_set import RecordingSet, Rotation
+from command_post.recorder.mirror import Mirror
+from command_post.recorder.parts import RecordingSet, Rotation
 from shared.codec import decode, encode, parse_key
 from shared.exercise import REHEARSAL_INCIDENT
 from shared.geodesy import Origin

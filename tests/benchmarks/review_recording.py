@@ -20,7 +20,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from command_post.recording_mirror import Mirror
+from command_post.recorder.mirror import Mirror
 from tests.benchmarks.long_recording import ORIGIN, record
 
 SEEKS = 60

@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from command_post.checkpoint import Checkpoints, State, checkpoint_path, load
 from command_post.fusion.methods import prepare_fusion
 from command_post.incident import Incident, IncidentSettings
-from command_post.recording import RecordedIncident, Recorder
-from command_post.resume import Resumed, resume
+from command_post.recorder.recording import RecordedIncident, Recorder
+from command_post.resuming.checkpoint import Checkpoints, State, checkpoint_path, load
+from command_post.resuming.resume import Resumed, resume
 from shared.gate import Gate
 from shared.mcap_reader import read_recording
 from tests.benchmarks import test_whole_post

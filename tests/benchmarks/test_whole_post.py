@@ -23,13 +23,13 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from command_post.announcer import Outgoing
+from command_post.desks.announcer import Outgoing
 from command_post.fusion.methods import prepare_fusion
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
-from command_post.recording import Outgoing as MadeOutgoing
-from command_post.recording import RecordedIncident
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
+from command_post.recorder.recording import Outgoing as MadeOutgoing
+from command_post.recorder.recording import RecordedIncident
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import OdometryIncrement, TrackEstimate
 from shared.topics import Key

@@ -5,8 +5,8 @@ from __future__ import annotations
 from command_post.evaluation.pooled import pool
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
-from command_post.monte_carlo import Exercise, run_many
-from command_post.rehearsal import Agents
+from command_post.rehearsing.monte_carlo import Exercise, run_many
+from command_post.rehearsing.rehearsal import Agents
 from shared.exercise import REHEARSAL_INCIDENT
 
 SETTINGS = IncidentSettings(incident=REHEARSAL_INCIDENT, fusion=FusionSettings())

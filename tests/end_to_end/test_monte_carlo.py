@@ -12,8 +12,8 @@ import numpy as np
 from command_post.evaluation.pooled import PooledScore, pool
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
-from command_post.monte_carlo import Exercise, Run, run_many
-from command_post.rehearsal import Agents
+from command_post.rehearsing.monte_carlo import Exercise, Run, run_many
+from command_post.rehearsing.rehearsal import Agents
 from shared.exercise import REHEARSAL_INCIDENT
 
 STRIDES = Agents(None, raw=False, odometry="strides")

@@ -10,9 +10,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from command_post.incident import Incident
-from command_post.node_clock import KnownClock
+from command_post.nodes.node_clock import KnownClock
+from command_post.nodes.senders import Senders
 from command_post.replay import recorded_settings
-from command_post.senders import Senders
 from shared.codec import Refusal, decode, parse_key
 from shared.journal import Journal
 from shared.mcap_reader import read_recording

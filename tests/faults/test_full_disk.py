@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from command_post.recording import Recorder
+from command_post.recorder.recording import Recorder
 from shared.mcap_reader import read_recording
 from tests.waiting import wait_for
 

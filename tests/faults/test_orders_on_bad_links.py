@@ -12,7 +12,7 @@ import pytest
 from command_post.going_on import Guest
 from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
-from command_post.recording import Recorder
+from command_post.recorder.recording import Recorder
 from command_post.roster import Roster
 from edge_agent.order_desk import OrderDesk
 from edge_agent.orders import OrderBook

@@ -20,8 +20,8 @@ from typing import ClassVar, NamedTuple
 
 from structlog.testing import capture_logs
 
-from command_post.recording_set import RecordingSet, Rotation
-from command_post.verification import verify_recording
+from command_post.recorder.parts import RecordingSet, Rotation
+from command_post.recorder.verification import verify_recording
 from shared.journal import Journal
 from shared.mcap_reader import read_recording
 from shared.recording_parts import files_of, part_path, unfinished_path

@@ -14,7 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from msgspec import structs
 
-from command_post.announcer import Outgoing
+from command_post.desks.announcer import Outgoing
 from command_post.gateways.foxglove import FRAME, MAP_PERIOD_NS, FoxgloveBoard
 from command_post.gateways.foxglove_schemas import (
     Drawable,
@@ -26,11 +26,11 @@ from command_post.gateways.foxglove_schemas import (
     Time,
     drawable_schema,
 )
-from command_post.recording import RecordedIncident
-from command_post.recording_file import RecordingFile
-from command_post.recording_mirror import Mirror
+from command_post.recorder.file import RecordingFile
+from command_post.recorder.mirror import Mirror
+from command_post.recorder.recording import RecordedIncident
+from command_post.recorder.salvage import salvage
 from command_post.replay import replay
-from command_post.salvage import salvage
 from shared.codec import encode
 from shared.geodesy import Origin
 from shared.mcap_reader import read_recording

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from command_post.recording_file import RecordingFile
-from command_post.recording_mirror import Mirror
-from command_post.recording_set import Rotation
-from command_post.salvage import salvage
+from command_post.recorder.file import RecordingFile
+from command_post.recorder.mirror import Mirror
+from command_post.recorder.parts import Rotation
+from command_post.recorder.salvage import salvage
 from shared.mcap_reader import read_recording
 from shared.recording_parts import parts_of
 from shared.units import NS_PER_S

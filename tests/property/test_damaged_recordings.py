@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
 from shared.mcap_reader import RecordedMessage, Recording, RecordingError, read_recording
 from tests.traffic import traffic
 

@@ -10,8 +10,8 @@ import pytest
 
 from command_post.commands.scoring import read_evidence
 from command_post.evaluation.errors import measure
+from command_post.evaluation.evidence import Evidence
 from command_post.evaluation.score_card import Radii, score
-from command_post.evidence import Evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.replay import replay
 from edge_agent.agent import Agent

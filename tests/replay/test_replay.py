@@ -8,8 +8,8 @@ import pytest
 
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
-from command_post.recording import RecordedIncident, Recorder
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
+from command_post.recorder.recording import RecordedIncident, Recorder
 from command_post.replay import replay
 from shared.mcap_reader import RecordedMessage, RecordingError, read_recording
 from tests.stride_world import exercise

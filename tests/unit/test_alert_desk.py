@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from command_post.alert_desk import SILENT_NS, AlertDesk, Known, Node
+from command_post.desks.alert_desk import SILENT_NS, AlertDesk, Known, Node
 from shared.messages import Alarm, AlarmPhase, Alert, AlertRequest, Beat, Message, StrangerNoticed
 from shared.units import NS_PER_S
 

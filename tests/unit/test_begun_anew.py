@@ -11,10 +11,10 @@ from threading import Event, Thread
 import pytest
 
 from command_post.incident import Incident, IncidentSettings
-from command_post.last_told import LastTold, read_last_told
 from command_post.post import Post
-from command_post.recording import Outgoing, RecordedIncident, Recorder
-from command_post.recording_set import RecordingSet
+from command_post.recorder.parts import RecordingSet
+from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
+from command_post.resuming.last_told import LastTold, read_last_told
 from command_post.roster import Roster
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
@@ -179,7 +179,7 @@ def test_a_post_without_a_state_says_from_what_it_goes_on(
     whole: tuple[Incident, Path], walked: list[Said], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("command_post.resume.SOON_HANDLED", 150)
+    monkeypatch.setattr("command_post.resuming.resume.SOON_HANDLED", 150)
     path, network, stop = tmp_path / "a.mcap", MemoryNetwork(), Event()
     path.with_name("a.mcap.part").write_bytes(whole[1].with_name("a.mcap.part").read_bytes())
     shown, said = list[Roster](), list[Received]()

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from command_post.both_ways import MOST_PAIRS, SAME_PASS_NS, BothWays
 from command_post.fusion.team.team_tracker import TeamTracker
 from command_post.incident import Incident, IncidentSettings
+from command_post.nodes.both_ways import MOST_PAIRS, SAME_PASS_NS, BothWays
 from shared.codec import encode
 from shared.messages import DapPeak, RssiPeak
 from shared.units import NS_PER_S

@@ -8,10 +8,10 @@ from typing import cast
 
 import pytest
 
-from command_post.box_words import box_words
 from command_post.incident import Incident, IncidentSettings
+from command_post.nodes.box_words import box_words
+from command_post.nodes.told import Told
 from command_post.roster import RosterSettings, make_roster
-from command_post.told import Told
 from dap_node.at_work import follow_live
 from dap_node.box import PERIOD_NS, Box, BoxDesk, look_at_box
 from dap_node.node import DapNode

@@ -13,13 +13,13 @@ import pytest
 import zstandard
 
 import command_post
-from command_post import checkpoint
-from command_post.announcer import Outgoing
-from command_post.checkpoint import Checkpoints, Kept, State, checkpoint_path, load
+from command_post.desks.announcer import Outgoing
 from command_post.incident import Incident, IncidentSettings
-from command_post.recording import RecordedIncident, Recorder
-from command_post.recording_set import Rotation
-from command_post.resume import resume
+from command_post.recorder.parts import Rotation
+from command_post.recorder.recording import RecordedIncident, Recorder
+from command_post.resuming import checkpoint
+from command_post.resuming.checkpoint import Checkpoints, Kept, State, checkpoint_path, load
+from command_post.resuming.resume import resume
 from shared.codec import encode
 from shared.gate import Gate, JournalRun
 from shared.mcap_reader import read_recording

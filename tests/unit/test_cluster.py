@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from command_post.cluster import ClusterError, cluster
+from command_post.rehearsing.cluster import ClusterError, cluster
 
 
 def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from structlog.testing import capture_logs
 import command_post.__main__
 import dap_node.__main__
 import edge_agent.__main__
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
 from dap_node.commands import rehearse
 from shared.files import held_alone
 from shared.process import ExitCode

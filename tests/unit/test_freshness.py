@@ -6,8 +6,8 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from command_post.freshness import Freshness, NodeWatch
 from command_post.incident import Incident, IncidentSettings
+from command_post.nodes.freshness import Freshness, NodeWatch
 from command_post.roster import RosterSettings, make_roster
 from command_post.table import roster_table
 from shared.codec import encode

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from command_post.announcer import Outgoing
+from command_post.desks.announcer import Outgoing
 from command_post.evaluation.errors import RunErrors, measure
+from command_post.evaluation.evidence import Evidence
 from command_post.evaluation.pooled import pool
 from command_post.evaluation.score_card import Score, score
-from command_post.evidence import Evidence
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings

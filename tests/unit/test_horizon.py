@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from command_post.announcer import Outgoing
+from command_post.desks.announcer import Outgoing
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.team import commits, lines, making
 from command_post.fusion.team.crews import Crew

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from command_post import incident as incident_module
-from command_post import notices
-from command_post.announcer import Outgoing
-from command_post.command_desk import START_ID
+from command_post.desks.announcer import Outgoing
+from command_post.desks.command_desk import START_ID
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
-from command_post.notices import Notice
+from command_post.nodes import notices
+from command_post.nodes.notices import Notice
 from shared.codec import decode, encode, parse_key
 from shared.geodesy import Origin
 from shared.messages import (

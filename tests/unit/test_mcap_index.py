@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
 from shared.mcap_index import IndexedRecording, Series
 from shared.mcap_reader import RecordedMessage, RecordingError, read_recording
 from shared.mcap_records import is_finished, mapped

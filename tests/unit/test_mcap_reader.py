@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
 from shared.mcap_reader import RecordedMessage, RecordingError, read_recording
 from tests.traffic import traffic
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
 from edge_agent.sources.mcap_recording import read_imu_samples
 from shared.codec import encode
 from shared.mcap_reader import RecordingError

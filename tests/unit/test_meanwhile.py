@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from command_post.incident import Incident
-from command_post.meanwhile import AGAIN_S, last_told, telling
-from command_post.recording import RecordedIncident
-from command_post.recording_file import RecordingFile
-from command_post.resume import Made
+from command_post.recorder.file import RecordingFile
+from command_post.recorder.recording import RecordedIncident
+from command_post.resuming.meanwhile import AGAIN_S, last_told, telling
+from command_post.resuming.resume import Made
 from shared.mcap_reader import Recording, read_recording
 from shared.messages import TrackEstimate
 from tests.unit.test_post import NOW_NS, SETTINGS, key, message_in, start, stride

@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from command_post.figures import Figures, by_reason
-from command_post.freshness import Freshness
 from command_post.listening import Address
-from command_post.metrics import MOST_NODES_SHOWN, Metrics
-from command_post.metrics_server import metrics_address, told
-from command_post.recording import RecorderStatus
+from command_post.metrics.figures import Figures, by_reason
+from command_post.metrics.prometheus import MOST_NODES_SHOWN, Metrics
+from command_post.metrics.server import metrics_address, told
+from command_post.nodes.freshness import Freshness
+from command_post.recorder.recording import RecorderStatus
 from command_post.roster import Roster
 from shared.bus.loopback import free_ports
 from shared.codec import encode

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
 from command_post.review.past import Past
 from command_post.review.timeline import timeline_of
 from command_post.review.ways_then import WaysThen

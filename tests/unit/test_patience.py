@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from command_post.patience import (
+from command_post.nodes.patience import (
     BURST_BYTES,
     BURST_BYTES_IN_ALL,
     BURST_MESSAGES,

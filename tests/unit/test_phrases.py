@@ -13,15 +13,15 @@ from typing import get_args
 
 import pytest
 
-from command_post import orders
-from command_post.alert_desk import AlertDesk, Known
-from command_post.box_words import box_words
 from command_post.coverage import Coverage
+from command_post.desks import orders
+from command_post.desks.alert_desk import AlertDesk, Known
+from command_post.nodes.box_words import box_words
+from command_post.nodes.supplies import air_words, why_silent
+from command_post.nodes.teams import Left
+from command_post.nodes.told import Told, why_nowhere
 from command_post.review.past import _Placed
 from command_post.roster import _ACTIVITIES, _DOUBTFUL, DapStatus, ResponderStatus
-from command_post.supplies import air_words, why_silent
-from command_post.teams import Left
-from command_post.told import Told, why_nowhere
 from command_post.ways import Turn
 from command_post.web import app
 from edge_agent.agent import NOT_KEPT

@@ -8,10 +8,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from command_post.distribution_picture import Drawn, draw_monte_carlo
 from command_post.evaluation.errors import measure
-from command_post.evidence import Evidence
-from command_post.picture import COLOURS, draw_tracks
+from command_post.evaluation.evidence import Evidence
+from command_post.rehearsing.distribution_picture import Drawn, draw_monte_carlo
+from command_post.rehearsing.picture import COLOURS, draw_tracks
 from shared.simulation.plan import load_plan
 from tests.stride_world import exercise
 from tests.unit.test_fusion_scenario import evidence_of, fuse

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from command_post.commands.offline import plan as export_plan
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.walls import Wall, axis_of
-from command_post.plan_file import (
+from command_post.plans.plan_file import (
     geojson_of,
     load_walls,
     parse_walls,

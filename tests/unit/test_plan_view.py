@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from command_post.plan_images import load_plan
-from command_post.plan_view import PNG, Placing, parse_spec, parse_world_file
+from command_post.plans.plan_images import load_plan
+from command_post.plans.plan_view import PNG, Placing, parse_spec, parse_world_file
 
 
 def place(placing: Placing, column: float, row: float) -> tuple[float, float]:

@@ -10,13 +10,13 @@ from threading import Event, Thread
 import pytest
 from msgspec import structs
 
-from command_post.checkpoint import Checkpoints
 from command_post.commands.scoring import read_evidence
 from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
-from command_post.recording import RecordedIncident, Recorder
-from command_post.recording_set import RecordingSet, Rotation
+from command_post.recorder.parts import RecordingSet, Rotation
+from command_post.recorder.recording import RecordedIncident, Recorder
 from command_post.replay import replay
+from command_post.resuming.checkpoint import Checkpoints
 from command_post.roster import Roster
 from shared.bus.interface import Bus, Received
 from shared.bus.memory import MemoryNetwork

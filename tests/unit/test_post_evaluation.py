@@ -11,10 +11,10 @@ import pytest
 
 from command_post.confidence import inside95
 from command_post.evaluation.errors import RunErrors, measure
+from command_post.evaluation.evidence import Evidence, Track
 from command_post.evaluation.pooled import pool
 from command_post.evaluation.resampling_runs import Redrawn
 from command_post.evaluation.score_card import Radii, Score, score
-from command_post.evidence import Evidence, Track
 from shared.messages import DapEstimate, LocalPosition, Message, TrackEstimate
 from shared.topics import Key, Role
 from tests.stride_world import at_ns, installation, key_of, stride, track_start, truth

@@ -8,8 +8,8 @@ from threading import Event
 import pytest
 from msgspec import structs
 
-from command_post.orders import REPEAT_NS
-from command_post.recording_file import RecordingFile
+from command_post.desks.orders import REPEAT_NS
+from command_post.recorder.file import RecordingFile
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
 from shared.codec import encode

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from command_post.recording_mirror import Mirror
+from command_post.recorder.mirror import Mirror
 from tests.benchmarks.long_recording import ORIGIN, read_alerts, record
 
 

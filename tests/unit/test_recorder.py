@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from command_post.recording import SYNC_PERIOD_NS, Recorder
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
+from command_post.recorder.recording import SYNC_PERIOD_NS, Recorder
 from shared.mcap_reader import read_recording
 from tests.traffic import traffic
 
@@ -256,9 +256,9 @@ def test_it_says_what_is_safe_and_never_too_much(tmp_path: Path, gate: Gate) -> 
 KILLED = """
 import sys
 from pathlib import Path
-from command_post.recording import Recorder
-from command_post.recording_file import RecordingFile
-from command_post.recording_set import Rotation
+from command_post.recorder.recording import Recorder
+from command_post.recorder.file import RecordingFile
+from command_post.recorder.parts import Rotation
 
 clock_ns = 0
 put = RecordingFile.put
@@ -302,7 +302,7 @@ def test_a_kill_costs_the_last_second_at_most(tmp_path: Path, files: str, count:
 FULL = """
 import resource, sys
 from pathlib import Path
-from command_post.recording import Recorder
+from command_post.recorder.recording import Recorder
 
 seconds = iter(range(10_000))
 recorder = Recorder(Path(sys.argv[1]), {}, monotonic_ns=lambda: next(seconds) * 10**9)

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from command_post.recording import SYNC_PERIOD_NS, RecordedIncident, Recorder
-from command_post.recording_file import RecorderError, RecordingFile
-from command_post.recording_mirror import Mirror
-from command_post.recording_set import RecordingSet, Rotation
+from command_post.recorder.file import RecorderError, RecordingFile
+from command_post.recorder.mirror import Mirror
+from command_post.recorder.parts import RecordingSet, Rotation
+from command_post.recorder.recording import SYNC_PERIOD_NS, RecordedIncident, Recorder
+from command_post.recorder.salvage import salvage
+from command_post.recorder.verification import verify_recording
 from command_post.replay import replay
-from command_post.salvage import salvage
-from command_post.verification import verify_recording
 from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import RecordedMessage, RecordingError, read_recording
 from shared.recording_parts import files_of, part_path, parts_of

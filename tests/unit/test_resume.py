@@ -8,10 +8,10 @@ from typing import Self
 import pytest
 
 from command_post.incident import Incident, IncidentSettings
-from command_post.recording import RecordedIncident
-from command_post.recording_file import RecordingFile
+from command_post.recorder.file import RecordingFile
+from command_post.recorder.recording import RecordedIncident
 from command_post.replay import replay
-from command_post.resume import Resumed, resume
+from command_post.resuming.resume import Resumed, resume
 from shared.codec import encode
 from shared.gate import Gate, JournalRun
 from shared.mcap_reader import read_recording

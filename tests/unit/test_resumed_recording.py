@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from command_post.recording_file import RecorderError, RecordingFile
-from command_post.recording_layout import ending, whole_part
+from command_post.recorder.file import RecorderError, RecordingFile
+from command_post.recorder.layout import ending, whole_part
 from shared.mcap_reader import RecordedMessage, read_recording
 from tests.traffic import Sent, traffic
 

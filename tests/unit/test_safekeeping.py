@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from command_post.safekeeping import Safekeeping
+from command_post.nodes.safekeeping import Safekeeping
 from shared.codec import encode
 from shared.gate import Gate, JournalRun
 from shared.messages import SafeUpTo

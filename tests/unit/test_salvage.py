@@ -9,9 +9,9 @@ import pytest
 from mcap.reader import make_reader
 
 from command_post.__main__ import app
-from command_post.recording_file import RecorderError, RecordingFile
-from command_post.salvage import salvage
-from command_post.verification import Verification, verify_recording
+from command_post.recorder.file import RecorderError, RecordingFile
+from command_post.recorder.salvage import salvage
+from command_post.recorder.verification import Verification, verify_recording
 from shared.codec import encode
 from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode

@@ -9,7 +9,7 @@ import pytest
 
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.incident import Incident, IncidentSettings
-from command_post.notices import Notice
+from command_post.nodes.notices import Notice
 from command_post.roster import RosterSettings, make_roster
 from shared.codec import decode, encode, parse_key
 from shared.messages import DapEstimate, Message, NodeHealth

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from command_post.announcer import Outgoing
-from command_post.command_desk import CommandDesk
+from command_post.desks.announcer import Outgoing
+from command_post.desks.command_desk import CommandDesk
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.team import assembly, culprits, solving
 from command_post.fusion.team.log import TeamLog
@@ -19,12 +19,12 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.team_tracker import TeamTracker
 from command_post.going_on import GoingOn, Guests
 from command_post.incident import Incident, IncidentSettings
-from command_post.recording import Outgoing as Made
-from command_post.recording import RecordedIncident
-from command_post.recording_set import RecordingSet
+from command_post.nodes.senders import Senders
+from command_post.recorder.parts import RecordingSet
+from command_post.recorder.recording import Outgoing as Made
+from command_post.recorder.recording import RecordedIncident
 from command_post.replay import replay
 from command_post.roster import Roster
-from command_post.senders import Senders
 from shared.codec import encode
 from shared.messages import Alert, LocalPosition, Mayday, PositionFix
 from shared.topics import Key

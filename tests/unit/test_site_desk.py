@@ -8,7 +8,7 @@ from typing import cast
 
 import pytest
 
-from command_post.announcer import Outgoing
+from command_post.desks.announcer import Outgoing
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from command_post.site_desk import AGAIN_NS, SiteDesk

@@ -8,8 +8,8 @@ import msgspec
 import pytest
 from rich.console import Console
 
+from command_post.desks.orders import MOST_STANDING, REPEAT_NS, Issued, OrderRepeats, Orders
 from command_post.incident import Incident, IncidentSettings
-from command_post.orders import MOST_STANDING, REPEAT_NS, Issued, OrderRepeats, Orders
 from command_post.roster import RosterSettings, make_roster
 from command_post.roster_json import ROSTER, roster_json
 from command_post.table import roster_table

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import pytest
 
-from command_post.dating import Dating
 from command_post.fusion.time_line import Event
 from command_post.incident import Incident, IncidentSettings
+from command_post.nodes.dating import Dating
+from command_post.nodes.senders import Senders
 from command_post.roster import RosterSettings, make_roster
-from command_post.senders import Senders
 from shared.codec import encode
 from shared.messages import Beat, ClockSpan, ClockStatement, OdometryIncrement
 from shared.seal import Seal, sealed

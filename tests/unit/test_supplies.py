@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from command_post.alert_desk import SILENT_NS, AlertDesk, Node
-from command_post.supplies import SupplyWatch, short_of, why_silent
+from command_post.desks.alert_desk import SILENT_NS, AlertDesk, Node
+from command_post.nodes.supplies import SupplyWatch, short_of, why_silent
 from edge_agent.supply_gauge import SupplyGauge
 from shared.battery import read_battery
 from shared.messages import Alert, Beat, DapInstallation, DapState, LocalPosition, Supplies

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from command_post.alert_desk import AlertDesk
+from command_post.desks.alert_desk import AlertDesk
 from command_post.fusion.track import Estimate
-from command_post.teams import Left, Teams, TeamWatch
+from command_post.nodes.teams import Left, Teams, TeamWatch
 from shared.messages import TrackStatus
 from shared.units import NS_PER_S
 

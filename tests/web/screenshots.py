@@ -18,7 +18,7 @@ from playwright.sync_api import Browser, expect
 
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
-from command_post.rehearsal import Agents, rehearse
+from command_post.rehearsing.rehearsal import Agents, rehearse
 from shared.exercise import REHEARSAL_INCIDENT
 from tests.web.browser import chromium
 from tests.web.staged import Staged, staged

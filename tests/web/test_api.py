@@ -10,8 +10,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from command_post.fusion.walls import Wall
-from command_post.plan_images import Plan
-from command_post.plan_view import PNG, PlanImage, PlanView
+from command_post.plans.plan_images import Plan
+from command_post.plans.plan_view import PNG, PlanImage, PlanView
 from command_post.web.answers import MOST_BODY_BYTES
 from command_post.web.app import Site, make_app
 from command_post.web.page import Page

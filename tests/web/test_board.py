@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from command_post.alert_desk import MOST_ALERTS
 from command_post.confidence import CHI_SQUARE_95
+from command_post.desks.alert_desk import MOST_ALERTS
 from command_post.roster import ResponderRow, Roster
 from command_post.web.board import MOST_OUTSIDE, SILENCE_S, SILENT_SPEED_M_S, TRAIL_POINTS, Board
 from shared.codec import encode

@@ -1,0 +1,1 @@
+"""What lies between the incident and its commanders: alerts, orders, answers (pure)."""

@@ -1,0 +1,76 @@
+"""What could not be handled for a fault of the post's own, counted and told by node (pure)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
+from typing import NamedTuple
+
+from command_post.fusion.mishaps import Mishap, Mishaps
+from command_post.nodes.notices import Notices
+from command_post.nodes.senders import Node
+from shared.topics import Key
+from shared.units import NS_PER_S
+
+TOLD_NS = 600 * NS_PER_S
+"""So long is it said of a node that something of it could not be handled."""
+
+MOST_NODES = 4096
+MOST_WORDS = 120
+
+
+class _Aside(NamedTuple):
+    times: int
+    last_ns: int
+    words: str
+
+
+class SetAside:
+    """Keeps of each node how often something of it was put aside, and why it was the last time."""
+
+    def __init__(self, notices: Notices, post: Node) -> None:
+        """What cannot be laid to any node is the ``post``'s own."""
+        self._notices = notices
+        self._post = post
+        self._mishaps = Mishaps()
+        self._elsewhere: list[Mishap] = []
+        self._of: dict[Node, _Aside] = {}
+
+    def survived(self, key: Key, doing: str) -> AbstractContextManager[None]:
+        """Break off what is done within with a message under ``key``, at an exception."""
+        return self._mishaps.survived(f"{key.topic}, {doing}", key.role, key.node_id)
+
+    def passing(self, doing: str) -> AbstractContextManager[None]:
+        """Break off at an exception what is done within, which no message is about."""
+        return self._mishaps.survived(doing, *self._post)
+
+    def take(self, mishaps: Iterable[Mishap]) -> None:
+        """Take in what came up elsewhere, and was got over there."""
+        self._elsewhere += mishaps
+
+    def tell(self, now_ns: int) -> None:
+        """Count and tell what came up by ``now_ns``."""
+        mishaps, self._elsewhere = [*self._mishaps.take(), *self._elsewhere], []
+        for each in mishaps:
+            node = self._post if each.role is None else (each.role, each.node_id)
+            self._notices.put_aside(f"failed_{each.error}", node[1], each.words, each.trace)
+            before = self._of.get(node)
+            if before is not None or len(self._of) < MOST_NODES:
+                times = 1 + (0 if before is None else before.times)
+                self._of[node] = _Aside(times, now_ns, each.words[:MOST_WORDS])
+
+    def faults(self, node: Node, now_ns: int) -> list[str]:
+        """Return in words what of a node was put aside of late."""
+        aside = self._of.get(node)
+        if aside is None or now_ns - aside.last_ns > TOLD_NS:
+            return []
+        return [f"put aside {aside.times} times for a fault of the post ({aside.words})"]
+
+    def remarks(self, now_ns: int) -> list[str]:
+        """Return in words what was put aside of late that is neither a responder's nor a DAP's."""
+        return [
+            f"{node[1]}: {words}"
+            for node in self._of
+            if node[0] == "post"
+            for words in self.faults(node, now_ns)
+        ]

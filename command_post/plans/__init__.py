@@ -1,0 +1,1 @@
+"""A building's plan: its file, its images, and what a page draws of it."""

@@ -1,0 +1,60 @@
+"""What waits for the recorder's thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+from command_post.recorder.parts import RecordingSet
+from shared.mcap_reader import BegunFrom
+
+
+class Item(NamedTuple):
+    """A message."""
+
+    key: str
+    payload: bytes
+    log_time_ns: int
+    outgoing: bool
+
+    @property
+    def size_bytes(self) -> int:
+        """What it takes of the queue's room."""
+        return len(self.payload)
+
+    def write_to(self, file: RecordingSet) -> None:
+        """Put it into ``file``."""
+        file.put(self.key, self.payload, self.log_time_ns, outgoing=self.outgoing)
+
+
+class End(NamedTuple):
+    """That the incident was finished at ``now_ns``."""
+
+    now_ns: int
+    size_bytes: int = 0
+
+    def write_to(self, file: RecordingSet) -> None:
+        """Put it into ``file``."""
+        file.mark_end(self.now_ns)
+
+
+class Resumed(NamedTuple):
+    """That a recording that was broken off is gone on with since ``now_ns``, from what."""
+
+    now_ns: int
+    begun_from: BegunFrom = "all"
+    size_bytes: int = 0
+
+    def write_to(self, file: RecordingSet) -> None:
+        """Put it into ``file``."""
+        file.mark_resumed(self.now_ns, self.begun_from)
+
+
+class WhenSafe(NamedTuple):
+    """What is to be called once all before it is safe, with how far the file is written."""
+
+    then: Callable[[int], None]
+    size_bytes: int = 0
+
+
+Entry: TypeAlias = Item | End | Resumed | WhenSafe

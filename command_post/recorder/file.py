@@ -1,0 +1,408 @@
+"""The file of the record: raw wire bytes into MCAP, each key on its own channel.
+
+What cannot be decoded is evidence too, and stands on a channel without a schema. Beside them are
+channels to be looked at in Foxglove, marked ``derived``. The file is
+called ``NAME.mcap.part`` until it is finished; ``shared.mcap_reader`` reads both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import structlog
+from mcap.records import Channel, Schema
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import Writer
+
+from command_post.recorder.layout import Declared, WholePart, ending, whole_part
+from command_post.recorder.mirror import Drawn, Mirror
+from shared.codec import Refusal, decode, parse_key
+from shared.files import is_at, replace_atomically, sync_folder
+from shared.mcap_reader import (
+    ABOUT,
+    CHANNEL,
+    DROPPED,
+    END,
+    RESUMED,
+    BegunFrom,
+    Excerpt,
+    RecordingError,
+)  # fmt: skip
+from shared.mcap_records import MAGIC
+from shared.messages import Message
+from shared.recording_parts import CONTINUED, PART, Link, unfinished_path
+from shared.topics import TOPICS, WIRE_VERSION
+
+CHUNK_BYTES = 1 << 18
+"""A chunk is closed when it holds this much, so that rare topics are quick to read."""
+
+MAX_CHANNELS = 4096
+"""Messages under further keys are kept as excerpts: made-up keys must not exhaust the format."""
+
+MAX_PAYLOAD_BYTES = 1 << 20
+"""What is kept of one message; far more than the codec accepts, so replay refuses it as well."""
+
+EXCERPTS = "clew/excerpts"
+"""Topic of the channel for messages that are kept in part, or away from their own key."""
+
+MOST_TOLD, MOST_DETAIL = 4, 40
+"""How much is told of how two recordings differ."""
+
+_NO_SCHEMA = 0
+_MARKS = ("outgoing", "excerpt", "derived")
+_MESSAGES = {topic.message.__name__: topic.message for topic in TOPICS.values()}
+
+
+_log = structlog.stdlib.get_logger(__name__)
+
+
+class RecorderError(RuntimeError):
+    """A recording cannot be begun. The text says why and what to do."""
+
+
+class RecordingFile:
+    """An MCAP file that messages are put into, by one thread. Depends on no clock.
+
+    Any method raises ``OSError`` when the disk does; after that, ``abandon`` the file, or ``mend``
+    it and put in anew what had been put in since it was last synced.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        metadata: Mapping[str, str],
+        *,
+        replace: bool = False,
+        resume: bool = False,
+        mirror: Mirror | None = None,
+        link: Callable[[], Link] | None = None,
+    ) -> None:
+        """Begin ``path``; ``metadata`` says what is recorded and all that a replay needs to know.
+
+        ``mirror``: draws what is recorded, to be looked at. ``link``: gives what a later part of a
+        recording follows, once it is begun.
+        With ``resume``, an unfinished recording with the same ``metadata`` is gone on with behind
+        all that is whole of it. Raises ``RecorderError`` if the recording cannot be begun, is there
+        already and not to be replaced, or unfinished and not to be gone on with.
+        """
+        self.path = path
+        self.part = unfinished_path(path)
+        """What it is called until it is finished."""
+
+        self.is_resumed = False
+        self.dropped_before = 0
+        """How many messages were missing when it was broken off."""
+
+        self.synced_bytes = 0
+        """How much of it would survive a power cut."""
+
+        self._channels: dict[_Channel, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._declared = Declared()
+        self._mirror = mirror
+        self._link = link
+        if path.exists() and not replace:
+            raise RecorderError(f"{path}: is there already; give the recording another name")
+        whole = self._to_be_resumed(metadata) if resume else None
+        mode = "r+b" if whole is not None else "w+b" if replace or resume else "x+b"
+        try:
+            self._stream = self.part.open(mode)
+        except FileExistsError:
+            raise RecorderError(
+                f"{self.part}: an unfinished recording; move it, or give this one another name"
+            ) from None
+        except OSError as error:
+            raise _cannot_be_written(path, error) from error
+        self._writer = self._new_writer()
+        try:
+            if whole is None:
+                self._begin(metadata)
+            else:
+                self._resume(whole)
+        except OSError as error:
+            self.abandon()
+            raise _cannot_be_written(path, error) from error
+
+    def _to_be_resumed(self, metadata: Mapping[str, str]) -> WholePart | None:
+        """Return what is whole of the file; ``None`` if nothing was recorded in it yet.
+
+        Raises ``RecorderError`` if it is not to be gone on with.
+        """
+        part = self.part
+        if not part.exists() or part.stat().st_size < len(MAGIC):
+            return None
+        elsewhere = "move it, or give this recording another name"
+        try:
+            whole = whole_part(part)
+        except RecordingError as error:
+            raise RecorderError(f"{error}; {elsewhere}") from error
+        if whole.about is None:
+            return None
+        if whole.ended:
+            raise RecorderError(f"{part}: is of an incident that was ended; {elsewhere}")
+        differ = _differences(whole.about, metadata)
+        if differ:
+            told = "; ".join(differ[:MOST_TOLD])
+            raise RecorderError(f"{part}: was begun with other settings: {told}; {elsewhere}")
+        if self._link is not None and whole.follows is None:
+            if whole.declared.channels:
+                raise RecorderError(f"{part}: what it follows cannot be read; {elsewhere}")
+            return None
+        return whole
+
+    def _begin(self, metadata: Mapping[str, str]) -> None:
+        software = {"software_version": version("clew"), "wire_version": WIRE_VERSION}
+        self._writer.start(library=f"clew {version('clew')}")
+        self._writer.add_metadata(ABOUT, {**metadata, **software})
+        if self._link is not None:
+            self._writer.add_metadata(PART, self._link().as_metadata())
+        self.sync()
+
+    def _resume(self, whole: WholePart) -> None:
+        self.dropped_before = whole.dropped_count
+        self._declared = whole.declared.without_gaps()
+        for number, schema in self._declared.schemas.items():
+            self._schemas[schema.name] = number
+        for number, channel in self._declared.channels.items():
+            self._channels[_channel_of(channel, self._declared)] = number
+        self._go_on_at(whole.end_bytes)
+        for message in whole.unindexed:
+            self._writer.add_message(
+                message.channel_id, message.log_time, message.data, message.publish_time,
+                message.sequence,
+            )  # fmt: skip
+        if whole.dropped_count:
+            self.mark_dropped(whole.dropped_count)
+        self.sync()
+
+    def _go_on_at(self, end_bytes: int) -> None:
+        """Cut the file off there, and have what follows declare all channels once more."""
+        self._stream.truncate(end_bytes)
+        self._stream.seek(end_bytes)
+        self._writer = self._new_writer()
+        for schema in self._declared.schemas.values():
+            self._writer.register_schema(schema.name, schema.encoding, schema.data)
+        for channel in self._declared.channels.values():
+            self._writer.register_channel(
+                channel.topic, channel.message_encoding, channel.schema_id, channel.metadata
+            )
+        self.is_resumed = True
+
+    def _new_writer(self) -> Writer:
+        return Writer(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
+
+    def mend(self) -> None:
+        """Go on, after an ``OSError``, behind what was synced last.
+
+        Raises ``OSError`` as long as that is not possible, and can be called again then.
+        """
+        self.abandon()
+        self._stream = self.part.open("r+b")
+        self._go_on_at(self.synced_bytes)
+        for number in range(self._synced_channels + 1, len(self._declared.channels) + 1):
+            self._tell_channel(self._declared.channels[number])
+
+    def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> bool:
+        """Add a message that was received at ``log_time_ns``, or made then (``outgoing``).
+
+        It is passed over if its topic is one that is not to be recorded. Whatever is not taken
+        raises.
+        """
+        parsed = parse_key(key)
+        if not isinstance(parsed, Refusal) and not TOPICS[parsed.topic].recorded:
+            return True
+        message = parsed if isinstance(parsed, Refusal) else decode(parsed, payload)
+        schema = None if isinstance(message, Refusal) else type(message).__name__
+        channel = _Channel(key, schema, outgoing)
+        if len(payload) > MAX_PAYLOAD_BYTES or not self._has_place(channel):
+            channel = _Channel(EXCERPTS, None, outgoing, excerpt=True)
+            payload = _excerpt(key, payload)
+        self._writer.add_message(
+            self._channel_id(channel),
+            log_time=log_time_ns,
+            data=payload,
+            publish_time=log_time_ns if isinstance(message, Refusal) else message.event_time_ns,
+            sequence=0 if isinstance(message, Refusal) else message.sequence % (1 << 32),
+        )
+        if not (isinstance(parsed, Refusal) or isinstance(message, Refusal)):
+            self._draw(parsed.node_id, message, log_time_ns, outgoing=outgoing)
+        return True
+
+    def mark_end(self, now_ns: int) -> None:
+        """Say that the incident was finished at ``now_ns``: no more is received."""
+        self._writer.add_metadata(END, {"time_ns": str(now_ns)})
+
+    def mark_dropped(self, count: int) -> None:
+        """Say that so far ``count`` messages are missing."""
+        self._writer.add_metadata(DROPPED, {"count": str(count)})
+
+    def mark_resumed(self, now_ns: int, begun_from: BegunFrom = "all") -> None:
+        """Say that it had been broken off, and is gone on with since ``now_ns``, from what."""
+        told = {"time_ns": str(now_ns), "begun_from": begun_from}
+        self._writer.add_metadata(RESUMED, told)
+
+    def mark_continued(self, following: str) -> None:
+        """Say that this is not the last part: one called ``following`` comes next."""
+        self._writer.add_metadata(CONTINUED, {"next": following})
+
+    def sync(self) -> None:
+        """Return once all that was put in would survive a power cut."""
+        self._writer.flush()
+        os.fsync(self._stream.fileno())
+        if not is_at(self.part, self._stream):
+            self._put_back()
+        self.synced_bytes = self._stream.tell()
+        self._synced_channels = len(self._channels)
+
+    def _put_back(self) -> None:
+        """Write anew what somebody has removed or moved: it is still open here."""
+        end_bytes = self._stream.tell()
+        self._stream.seek(0)
+        with replace_atomically(self.part) as anew:
+            shutil.copyfileobj(self._stream, anew)
+        self._stream.close()
+        self._stream = self.part.open("r+b")
+        self._go_on_at(end_bytes)
+        _log.error("the recording was removed: it is written anew", file=str(self.part))
+
+    def finish(self) -> None:
+        """End the file with its index, and give it its name."""
+        if self._mirror is not None:
+            self._write_drawn(self._mirror)
+        self.sync()
+        if self.is_resumed:
+            # The library knows of what it has written itself since.
+            self._writer.flush()
+            self._stream.write(ending(self.part, self._declared))
+        else:
+            self._writer.finish()
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._stream.close()
+        self.part.replace(self.path)
+        sync_folder(self.path.parent)
+
+    def abandon(self) -> None:
+        """Leave the file unfinished, as far as it got, under its ``.part`` name."""
+        # Closing tries once more to write what could not be written; that has been told.
+        with suppress(OSError):
+            self._stream.close()
+
+    def discard(self) -> None:
+        """Leave nothing of the file."""
+        self.abandon()
+        self.part.unlink(missing_ok=True)
+
+    def _draw(self, node_id: str, message: Message, time_ns: int, *, outgoing: bool) -> None:
+        if self._mirror is not None:
+            self._mirror.take(node_id, message, time_ns, outgoing=outgoing)
+            if self._mirror.is_due:
+                self._write_drawn(self._mirror)
+
+    def _write_drawn(self, mirror: Mirror) -> None:
+        """Write a chunk of what is only to be looked at."""
+        self._writer.flush()
+        for drawn in mirror.take_all():
+            channel = _Channel(drawn.topic, drawn.schema, outgoing=False, derived=True)
+            if self._has_place(channel):
+                number = self._channel_id(channel, drawn)
+                self._writer.add_message(number, drawn.time_ns, drawn.data, drawn.time_ns)
+        self._writer.flush()
+
+    def _has_place(self, channel: _Channel) -> bool:
+        return channel in self._channels or len(self._channels) < MAX_CHANNELS
+
+    def _channel_id(self, channel: _Channel, drawn: Drawn | None = None) -> int:
+        if channel not in self._channels:
+            marks = {name: "yes" for name in _MARKS if getattr(channel, name)}
+            schema_id = self._schema_id(channel.schema, drawn) if channel.schema else _NO_SCHEMA
+            encoding = MessageEncoding.JSON if channel.derived else MessageEncoding.MessagePack
+            encoding = encoding if channel.schema or channel.excerpt else ""
+            number = self._writer.register_channel(channel.topic, encoding, schema_id, marks)
+            declared = Channel(number, channel.topic, encoding, marks, schema_id)
+            self._declared.channels[number] = declared
+            self._channels[channel] = number
+            self._tell_channel(declared)
+        return self._channels[channel]
+
+    def _tell_channel(self, channel: Channel) -> None:
+        marks = {"id": str(channel.id), "topic": channel.topic, **channel.metadata}
+        self._writer.add_metadata(CHANNEL, marks)
+
+    def _schema_id(self, name: str, drawn: Drawn | None) -> int:
+        if name not in self._schemas:
+            data = json_schema(_MESSAGES[name]) if drawn is None else drawn.schema_data
+            number = self._writer.register_schema(name, SchemaEncoding.JSONSchema, data)
+            self._declared.schemas[number] = Schema(number, data, SchemaEncoding.JSONSchema, name)
+            self._schemas[name] = number
+        return self._schemas[name]
+
+
+def _differences(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """Say in what two recordings' metadata differ; what is JSON, field by field."""
+    before, after = (_flat({name: each.get(name) for name in now}) for each in (then, now))
+    return [
+        f"{name} {_briefly(before.get(name))}, not {_briefly(after.get(name))}"
+        for name in {**before, **after}
+        if before.get(name) != after.get(name)
+    ]
+
+
+def _flat(fields: Mapping[str, object], within: str = "") -> dict[str, object]:
+    found: dict[str, object] = {}
+    for name, value in fields.items():
+        told = value
+        if isinstance(value, str):
+            with suppress(msgspec.DecodeError):
+                told = msgspec.json.decode(value)
+        if isinstance(told, dict):
+            # What the settings are all in need not be named.
+            found |= _flat(told, f"{within}{name}." if told is value else within)
+        else:
+            found[within + name] = value
+    return found
+
+
+def _briefly(value: object) -> str:
+    return "unknown" if value is None else str(value)[:MOST_DETAIL]
+
+
+def _cannot_be_written(path: Path, error: OSError) -> RecorderError:
+    return RecorderError(f"{path}: cannot be written ({error.strerror}); record somewhere else")
+
+
+class _Channel(NamedTuple):
+    topic: str
+    schema: str | None
+    outgoing: bool
+    excerpt: bool = False
+    derived: bool = False
+
+
+def _channel_of(channel: Channel, declared: Declared) -> _Channel:
+    schema = declared.schemas.get(channel.schema_id)
+    name = None if schema is None else schema.name
+    marks = channel.metadata
+    return _Channel(channel.topic, name, **{each: each in marks for each in _MARKS})
+
+
+def json_schema(message: type[Message]) -> bytes:
+    """Return the JSON Schema of what ``message`` decodes to: one object, self-contained."""
+    _, parts = msgspec.json.schema_components([message], ref_template="#/$defs/{name}")
+    root = parts.pop(message.__name__)
+    dialect = "https://json-schema.org/draft/2020-12/schema"
+    return msgspec.json.encode({"$schema": dialect, **root, "$defs": parts}, order="sorted")
+
+
+def _excerpt(key: str, payload: bytes) -> bytes:
+    digest = hashlib.sha256(payload).hexdigest()
+    kept = payload[:MAX_PAYLOAD_BYTES]
+    return msgspec.msgpack.encode(Excerpt(key, kept, len(payload), digest))

@@ -1,0 +1,112 @@
+"""Taking an incident up again after a kill: from its recording, by the very same handlers.
+
+What had been handled and is not in the recording was never acknowledged to anybody, and comes
+again. So an incident that is taken up goes on as its recording does: a replay of the whole makes
+the same of it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from command_post.incident import Incident
+from command_post.recorder.recording import Incident as Handler
+from command_post.resuming.last_told import read_last_told
+from shared.mcap_reader import RecordedMessage
+from shared.units import NS_PER_S
+
+
+class Made(NamedTuple):
+    """What the incident says, and when it was made on the post's clock."""
+
+    time_ns: int
+    key: str
+    payload: bytes
+
+
+class Resumed(NamedTuple):
+    """What came of handling again what was recorded.
+
+    ``unrecorded`` was made of the last message and is not in the recording. ``differing`` counts
+    what was made otherwise than it was recorded. ``last_ns`` is as of when anything
+    was handled last.
+    """
+
+    handled: int
+    unrecorded: list[Made]
+    differing: int
+    last_ns: int
+
+
+SOON_HANDLED = 1500
+"""So many moves are handled again as soon as anything: two minutes of twelve responders."""
+
+
+class BegunAnew(NamedTuple):
+    """What came of going on from what was told last of so many ``moves``, in ``words`` as well.
+
+    ``made`` is not in the recording. ``last_ns`` is as of when anything was recorded last.
+    """
+
+    made: list[Made]
+    moves: int
+    last_ns: int
+    words: str
+
+
+def begin_anew(
+    recorded: Iterable[RecordedMessage],
+    incident: Incident,
+    recall: Callable[[str, bytes], None],
+) -> BegunAnew | None:
+    """Have ``incident`` go on from what was told last of what is ``recorded``.
+
+    ``None``, and only ``recall`` was told of what was received, where handling all again takes no
+    longer, or the way of fusing cannot. A replay of the whole does not make the same of it.
+    """
+    last = read_last_told(recorded, recall)
+    if last.moves < SOON_HANDLED or incident.settings.fusion.method != "team":
+        return None
+    for each in last.to_handle:
+        incident.recall(each.key, each.payload, each.log_time_ns)
+    made = incident.begin_from(last)
+    told_at = datetime.fromtimestamp(last.last_ns / NS_PER_S, UTC).astimezone()
+    words = (
+        f"the post was killed, and goes on from what it had told of everybody until "
+        f"{told_at:%H:%M:%S}"
+    )
+    return BegunAnew([Made(last.last_ns, *each) for each in made], last.moves, last.last_ns, words)
+
+
+def resume(
+    recorded: Iterable[RecordedMessage],
+    incident: Handler,
+    recall: Callable[[str, bytes], None],
+) -> Resumed:
+    """Let ``incident`` handle all that was received of ``recorded``, what a recording has since.
+
+    ``recall`` is told of each before.
+    """
+    made: deque[Made] = deque()
+    handled = differing = last_ns = 0
+    for log_time_ns, _, key, payload, outgoing in recorded:
+        if outgoing:
+            # It may have been made while nothing was heard.
+            step = incident.pass_time(log_time_ns)
+        else:
+            handled += 1
+            recall(key, payload)
+            step = incident.handle(key, payload, log_time_ns)
+        if step or not outgoing:
+            differing += len(made)
+            made = deque(Made(log_time_ns, each.key, each.payload) for each in step)
+        last_ns = log_time_ns
+        if outgoing:
+            if made and made[0][1:] == (key, payload):
+                made.popleft()
+            else:
+                differing += 1
+    return Resumed(handled, list(made), differing, last_ns)
