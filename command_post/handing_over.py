@@ -70,6 +70,11 @@ class HandingOver:
                 self._tracker.install(node_id, said)
                 self._note_place(node_id, said)
 
+    def faults(self, dap_id: str) -> list[str]:
+        """Return why it is not known where a DAP stands, if that is so."""
+        known = dap_id in self._tracker.daps or dap_id not in self.nowhere
+        return [] if known else [self.nowhere[dap_id]]
+
     def _note_place(self, dap_id: str, said: DapInstallation) -> None:
         why = why_nowhere(said)
         if why is None:

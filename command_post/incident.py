@@ -30,13 +30,7 @@ from command_post.nodes.senders import Senders
 from command_post.nodes.set_aside import SetAside
 from command_post.nodes.teams import TeamWatch
 from command_post.nodes.told import LastMovement, RaisedAlarm, Told, why_nowhere
-from command_post.resuming.begin_anew import (
-    begun_ns,
-    daps_told,
-    places_told,
-    still_to_fuse,
-    ways_told,
-)
+from command_post.resuming import begin_anew
 from command_post.resuming.last_told import LastTold
 from shared.codec import Refusal, decode
 from shared.messages import (
@@ -209,10 +203,7 @@ class Incident:
 
     def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
         silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
-        words = self._told.of_box(dap_id, silent_ns, now_ns)
-        if dap_id in self._handing_over.nowhere and dap_id not in self._tracker.daps:
-            words.append(self._handing_over.nowhere[dap_id])
-        return words
+        return self._told.of_box(dap_id, silent_ns, now_ns) + self._handing_over.faults(dap_id)
 
     def clock(self, role: Role, node_id: str) -> KnownClock | None:
         """Return how far a node's clock is known to be off; ``None`` if nothing is known of it."""
@@ -278,13 +269,13 @@ class Incident:
     def begin_from(self, last: LastTold) -> list[Outgoing]:
         """Go on from what was told last; return what comes of what happened since."""
         heard, self._recalled = self._recalled or [], None
-        daps = daps_told(last, heard)
-        self._tracker.begin_from(ways_told(last, heard), daps)
+        daps = begin_anew.daps_told(last, heard)
+        self._tracker.begin_from(begin_anew.ways_told(last, heard), daps)
         self._announcer.go_on(last.next_sequences)
         self._desk.restore(last.alerts)
-        self._lateness.begin(begun_ns(last))
-        self._dap_places = places_told(last, daps)
-        return self._fuse(still_to_fuse(heard, last, daps))
+        self._lateness.begin(begin_anew.begun_ns(last))
+        self._dap_places = begin_anew.places_told(last, daps)
+        return self._fuse(begin_anew.still_to_fuse(heard, last, daps))
 
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""

@@ -19,6 +19,7 @@ from msgspec import structs
 
 from command_post.company import Company
 from command_post.desks.orders import OrderRepeats
+from command_post.desks.site_desk import SiteDesk
 from command_post.going_on import GoingOn, Guest, Guests
 from command_post.incident import Incident
 from command_post.metrics.figures import Figures, by_reason
@@ -34,7 +35,6 @@ from command_post.resuming.checkpoint import Checkpoints, Kept, State
 from command_post.resuming.meanwhile import last_told, telling
 from command_post.resuming.resume import Made, begin_anew, resume
 from command_post.roster import Roster, RosterSettings, make_roster
-from command_post.site_desk import SiteDesk
 from command_post.station_notice import StationNotice
 from command_post.voice import Voice
 from shared.bus.fair_inbox import FairInbox

@@ -22,6 +22,7 @@ from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 
+from command_post.recorder.differences import differences
 from command_post.recorder.layout import Declared, WholePart, ending, whole_part
 from command_post.recorder.mirror import Drawn, Mirror
 from shared.codec import Refusal, decode, parse_key
@@ -53,7 +54,7 @@ MAX_PAYLOAD_BYTES = 1 << 20
 EXCERPTS = "clew/excerpts"
 """Topic of the channel for messages that are kept in part, or away from their own key."""
 
-MOST_TOLD, MOST_DETAIL = 4, 40
+MOST_TOLD = 4
 """How much is told of how two recordings differ."""
 
 _NO_SCHEMA = 0
@@ -148,7 +149,7 @@ class RecordingFile:
             return None
         if whole.ended:
             raise RecorderError(f"{part}: is of an incident that was ended; {elsewhere}")
-        differ = _differences(whole.about, metadata)
+        differ = differences(whole.about, metadata)
         if differ:
             told = "; ".join(differ[:MOST_TOLD])
             raise RecorderError(f"{part}: was begun with other settings: {told}; {elsewhere}")
@@ -344,35 +345,6 @@ class RecordingFile:
             self._declared.schemas[number] = Schema(number, data, SchemaEncoding.JSONSchema, name)
             self._schemas[name] = number
         return self._schemas[name]
-
-
-def _differences(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Say in what two recordings' metadata differ; what is JSON, field by field."""
-    before, after = (_flat({name: each.get(name) for name in now}) for each in (then, now))
-    return [
-        f"{name} {_briefly(before.get(name))}, not {_briefly(after.get(name))}"
-        for name in {**before, **after}
-        if before.get(name) != after.get(name)
-    ]
-
-
-def _flat(fields: Mapping[str, object], within: str = "") -> dict[str, object]:
-    found: dict[str, object] = {}
-    for name, value in fields.items():
-        told = value
-        if isinstance(value, str):
-            with suppress(msgspec.DecodeError):
-                told = msgspec.json.decode(value)
-        if isinstance(told, dict):
-            # What the settings are all in need not be named.
-            found |= _flat(told, f"{within}{name}." if told is value else within)
-        else:
-            found[within + name] = value
-    return found
-
-
-def _briefly(value: object) -> str:
-    return "unknown" if value is None else str(value)[:MOST_DETAIL]
 
 
 def _cannot_be_written(path: Path, error: OSError) -> RecorderError:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from command_post.fusion.team import log
-from command_post.fusion.team.log import MoveLog
+from command_post.fusion.team.move_log import MoveLog
 from shared.messages import OdometryIncrement
 from tests.traffic import increment
 

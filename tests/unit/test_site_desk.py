@@ -9,9 +9,9 @@ from typing import cast
 import pytest
 
 from command_post.desks.announcer import Outgoing
+from command_post.desks.site_desk import AGAIN_NS, SiteDesk
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
-from command_post.site_desk import AGAIN_NS, SiteDesk
 from edge_agent.drop_desk import DropDesk
 from edge_agent.site_desk import FRESH_NS
 from edge_agent.site_desk import SiteDesk as UnitSiteDesk

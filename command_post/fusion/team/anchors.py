@@ -19,15 +19,7 @@ import numpy as np
 from command_post.fusion.team.dap_places import position_of
 from command_post.fusion.team.estimates import tied_ns
 from command_post.fusion.team.height_assembly import LEAST_SD_M, Heights
-from command_post.fusion.team.log import (
-    Fix,
-    Height,
-    Installed,
-    Peak,
-    ResponderLog,
-    Start,
-    TeamLog,
-)
+from command_post.fusion.team.log import Fix, Height, Installed, Peak, ResponderLog, Start, TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import (
     Anchors,

@@ -19,7 +19,8 @@ from command_post.fusion.team.chain import (
     unit_sd,
 )
 from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
-from command_post.fusion.team.log import Floats, Ints, TeamLog
+from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.ties import PlaceId, Tie, asides_m2, level_sd_m, ties_of
 from shared.units import NS_PER_S

@@ -17,7 +17,7 @@ from command_post.fusion.team.arithmetic import logarithm, nearest_right_angle
 from command_post.fusion.team.assembly import Assembled
 from command_post.fusion.team.chain import UnitName, straight_moves
 from command_post.fusion.team.graph import AXIS, Graph
-from command_post.fusion.team.log import Floats, Ints
+from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from shared.compiled import compiled
 from shared.maths.angles import HALF_PI, nearest_right_angle_rad

@@ -9,7 +9,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from command_post.fusion.team.log import (
+from command_post.fusion.team.log import ResponderLog, Start
+from command_post.fusion.team.move_log import (
     DOWN,
     DOWN_M2,
     EAST,
@@ -19,8 +20,6 @@ from command_post.fusion.team.log import (
     Floats,
     Ints,
     Moves,
-    ResponderLog,
-    Start,
 )
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.unseen import Unseen, unseen_before

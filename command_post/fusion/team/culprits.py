@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol, TypeVar
 
-from command_post.fusion.team.log import END_OF_TIME_NS, MoveLog, ResponderLog, TeamLog
+from command_post.fusion.team.log import END_OF_TIME_NS, ResponderLog, TeamLog
+from command_post.fusion.team.move_log import MoveLog
 from shared.topics import Role
 
 MOST_AT_ONCE = 3

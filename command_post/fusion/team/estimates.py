@@ -8,16 +8,8 @@ from typing import NamedTuple
 from command_post.fusion.team.arithmetic import rotated
 from command_post.fusion.team.height_assembly import Heights
 from command_post.fusion.team.heights import storey_shares
-from command_post.fusion.team.log import (
-    DOWN,
-    DOWN_M2,
-    EAST,
-    END_OF_TIME_NS,
-    NORTH,
-    Floats,
-    Moves,
-    ResponderLog,
-)
+from command_post.fusion.team.log import END_OF_TIME_NS, ResponderLog
+from command_post.fusion.team.move_log import DOWN, DOWN_M2, EAST, NORTH, Floats, Moves
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solving import Solved
 from command_post.fusion.team.unseen import BEFORE, Unseen, unseen_before

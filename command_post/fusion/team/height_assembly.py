@@ -9,7 +9,8 @@ import numpy as np
 
 from command_post.fusion.team.assembly import Assembled
 from command_post.fusion.team.heights import HeightGraph, smooth_heights, storeys
-from command_post.fusion.team.log import Floats, Height, Ints, TeamLog
+from command_post.fusion.team.log import Height, TeamLog
+from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.ties import PlaceId
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from command_post.fusion.team.assembly import Assembled
 from command_post.fusion.team.height_assembly import solve_heights
-from command_post.fusion.team.log import Floats, TeamLog
+from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.move_log import Floats
 from command_post.fusion.team.settings import TeamSettings
 
 SAME_FLOOR_M = 1.5

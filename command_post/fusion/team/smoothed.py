@@ -11,7 +11,7 @@ from command_post.fusion.team.arithmetic import rotated
 from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.elimination import EVERY_NODE
 from command_post.fusion.team.height_assembly import Heights
-from command_post.fusion.team.log import Floats, Ints
+from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solving import Solved

@@ -19,7 +19,8 @@ from command_post.fusion.team.assembly import (
 )
 from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.graph import AXIS, LEAD
-from command_post.fusion.team.log import Floats, Installed, Ints, Start, TeamLog
+from command_post.fusion.team.log import Installed, Start, TeamLog
+from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.suspicions import Suspicion
 from command_post.fusion.team.ties import PlaceId
 from shared.compiled import compiled

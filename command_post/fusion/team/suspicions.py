@@ -7,14 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple, TypeAlias, TypeVar
 
-from command_post.fusion.team.log import (
-    ANYWHERE,
-    Installed,
-    Peak,
-    ResponderLog,
-    Start,
-    TeamLog,
-)
+from command_post.fusion.team.log import ANYWHERE, Installed, Peak, ResponderLog, Start, TeamLog
 from shared.topics import Role
 from shared.units import NS_PER_S
 

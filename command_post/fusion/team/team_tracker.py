@@ -21,7 +21,7 @@ from command_post.fusion.team.agenda import Agenda
 from command_post.fusion.team.anchors import cut, with_past
 from command_post.fusion.team.begun import begin
 from command_post.fusion.team.commits import Commits
-from command_post.fusion.team.crews import EVERYBODY, Bonds, Crew
+from command_post.fusion.team.crews import Bonds, Crew
 from command_post.fusion.team.dap_places import apart_m, daps_of
 from command_post.fusion.team.doubts import doubts_of
 from command_post.fusion.team.estimates import (
@@ -34,12 +34,14 @@ from command_post.fusion.team.forgetting import forget
 from command_post.fusion.team.front import cloud_before, told_by_cloud
 from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
-from command_post.fusion.team.log import END_OF_TIME_NS, Floats, TeamLog
+from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
 from command_post.fusion.team.making import Fresh
+from command_post.fusion.team.move_log import Floats
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution, concerning
 from command_post.fusion.team.solving import commit, solve
+from command_post.fusion.team.standing_doubts import StandingDoubts
 from command_post.fusion.team.suspicions import clocks_ahead_ns, supposed
 from command_post.fusion.track import Estimate
 from shared.messages import (
@@ -79,9 +81,8 @@ class TeamTracker:
         self._clouds: dict[str, Cloud] = {}
         self._storeys_m = np.empty(0)
         self._storeys_of: dict[str, Floats] = {}
-        self._doubts_of: dict[str, tuple[Doubt, ...]] = {}
         self._estimates: dict[str, Estimate] = {}
-        self._doubts: tuple[Doubt, ...] = ()
+        self._doubts = StandingDoubts()
         self._daps: dict[str, InstalledDap] = {}
         self._told_daps: dict[str, InstalledDap] = {}
         self._changed_daps: dict[str, InstalledDap] = {}
@@ -108,7 +109,7 @@ class TeamTracker:
     @property
     def doubts(self) -> tuple[Doubt, ...]:
         """What is held to be wrong with nodes, as of the last tick."""
-        return self._doubts
+        return self._doubts.told
 
     def start(self, responder_id: str, start: TrackStart) -> None:
         """Begin a track, or go on with it from a new unit."""
@@ -340,7 +341,7 @@ class TeamTracker:
         time_ns, log, solved, heights = fresh
         if before is not NOTHING:
             self._storeys_m = np.array(before.storeys_m)
-            self._keep_doubts(crew, doubts_of(before.held))
+            self._doubts.keep(crew, doubts_of(before.held))
         ahead_ns = clocks_ahead_ns(before.suspicions)
         for index, chain in enumerate(solved.assembled.chains):
             own_ahead_ns = ahead_ns.get(chain.responder_id, 0)
@@ -361,15 +362,6 @@ class TeamTracker:
                 self._changed[chain.responder_id] = estimate
         self._keep_daps(self._commits.published(crew, time_ns, daps_of(log, solved, heights)))
 
-    def _keep_doubts(self, crew: Crew, doubts: tuple[Doubt, ...]) -> None:
-        """Keep what is doubted by a crew, instead of what it or those it is made of doubted."""
-        gone = {EVERYBODY, crew.leader, *crew.members}
-        rest = {leader: each for leader, each in self._doubts_of.items() if leader not in gone}
-        self._doubts_of = {**rest, crew.leader: doubts} if doubts else rest
-        told = tuple(doubt for _, each in sorted(self._doubts_of.items()) for doubt in each)
-        if told != self._doubts:
-            self._doubts = told
-
     def _keep_daps(self, told: Mapping[str, InstalledDap]) -> None:
         daps = {dap_id: dap for dap_id, dap in told.items() if self._log.stands(dap_id)}
         self._daps = {**self._daps, **daps}
@@ -385,11 +377,7 @@ class TeamTracker:
     def _estimate(self, responder_id: str, now_ns: int) -> Estimate:
         """Return where a responder is by ``now_ns``, with what is doubted of them as a reason."""
         estimate = self._located(responder_id, now_ns)
-        doubted = [
-            each.words
-            for each in self._doubts
-            if (each.role, each.node_id) == ("responder", responder_id)
-        ]
+        doubted = self._doubts.words_of("responder", responder_id)
         if not doubted:
             return estimate
         reason = "; ".join([estimate.reason, *doubted] if estimate.reason else doubted)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from command_post.fusion.team.log import DOWN, EAST, NORTH, Floats, Ints, Moves
+from command_post.fusion.team.move_log import DOWN, EAST, NORTH, Floats, Ints, Moves
 from command_post.fusion.team.settings import TeamSettings
 from shared.compiled import compiled
 
