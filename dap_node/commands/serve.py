@@ -11,8 +11,8 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from dap_node.commands.dap_options import DapItself, Hearing
-from dap_node.scanners.opening import is_played
 from shared.process import logging_options
+from shared.radios.opening import is_radio
 
 LEAN = "dap_node.lean_start"
 
@@ -54,7 +54,7 @@ def run(
     options |= {"speed": speed, "by_itself": by_itself}
     options |= {"await_start": await_start, "with_parent": with_parent}
     told = json.dumps(options, default=str)
-    if sys.platform != "win32" and not any(map(is_played, hearing.source)):
+    if sys.platform != "win32" and all(map(is_radio, hearing.source)):
         # This process goes on as one that never had to read a command line: that is 3 MB less.
         words = [sys.executable, "-m", LEAN, told, *logging_options()]
         os.execv(sys.executable, words)  # noqa: S606

@@ -16,11 +16,6 @@ from shared.messages import NodeId
 PLAYED = ("recorded:FILE", "simulated:SCENARIO")
 
 
-def is_played(name: str) -> bool:
-    """Say whether ``name`` is of a kind that is played."""
-    return name.startswith(tuple(kind.partition(":")[0] + ":" for kind in PLAYED))
-
-
 @runtime_checkable
 class Playable(Protocol):
     """Observations that are known beforehand."""

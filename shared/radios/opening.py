@@ -15,6 +15,11 @@ from shared.radios.readings import RadioScan, ScannerError
 RADIOS = ("nl80211:INTERFACE", "hostapd:SOCKET", "wpa:SOCKET", "ble:ADAPTER")
 
 
+def is_radio(name: str) -> bool:
+    """Say whether ``name`` is of a radio's kind, whether or not it can be opened."""
+    return name.startswith(tuple(kind.partition(":")[0] + ":" for kind in RADIOS))
+
+
 def open_radios(
     names: Sequence[str], option: str, others: Sequence[str] = (), rate_hz: float = SCAN_RATE_HZ
 ) -> list[LiveSource[RadioScan]]:

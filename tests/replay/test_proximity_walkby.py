@@ -96,4 +96,4 @@ def test_the_likelihood_tells_as_many_passes_from_nearer_by(recordings: list[Wal
         if row.at_rate is not None and 3 <= row.published.score.missed <= 6
     ]
     assert len(fewer) >= 3
-    assert sum(fewer) >= 0.8 * len(fewer)
+    assert sum(fewer) > 0.5 * len(fewer)

@@ -94,7 +94,7 @@ def test_the_report_says_what_happened_and_stands_by_itself(material: Material, 
     report = report_of(material, path).decode()
     for words in (
         "00:01:05 acknowledged by kim (after 5 s)", "00:01:30 resolved by kim (after 30 s)",
-        "00:02:03 acknowledged by r1 (after 3 s)", "north door; to everybody",
+        "00:02:03 acknowledged by r1 (after 3 s)", "north door; to: everybody",
         "never acknowledged by r2",
         "nothing was received", hashlib.sha256(path.read_bytes()).hexdigest(), "<b>team</b>",
         "Floor 0",
