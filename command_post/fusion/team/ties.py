@@ -150,7 +150,8 @@ def _shadowed_alike(ties: list[Tie], chain: Chain, shadowing_m: float) -> list[T
     for tie in ties:
         way_m, here_m = at_m[tie.place[:-1]], float(chain.length_m[tie.stance])
         alike = bisect_right(way_m, here_m + shadowing_m) - bisect_left(way_m, here_m - shadowing_m)
-        told.append(tie._replace(sd_m=tie.sd_m * math.sqrt(alike), share=1.0 / alike))
+        wider_m = tie.sd_m * math.sqrt(alike)
+        told.append(tie if alike == 1 else tie._replace(sd_m=wider_m, share=1.0 / alike))
     return told
 
 
