@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
-from command_post.fusion.team import log
+from command_post.fusion.team import move_log
 from command_post.fusion.team.move_log import MoveLog
 from shared.messages import OdometryIncrement
 from tests.traffic import increment
@@ -19,8 +19,8 @@ from tests.traffic import increment
 @pytest.fixture(autouse=True, scope="module")
 def _small_blocks() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(log, "BLOCK", 3)
-        patch.setattr(log, "UNPACKED", 4)
+        patch.setattr(move_log, "BLOCK", 3)
+        patch.setattr(move_log, "UNPACKED", 4)
         yield
 
 
