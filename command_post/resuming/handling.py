@@ -28,9 +28,10 @@ _log = structlog.stdlib.get_logger(__name__)
 
 
 class Ends(msgspec.Struct):
-    """At what starts have ended, the last ones of all; ``in_row`` of them at once, one by one.
+    """At what starts have ended, the last ones of all.
 
-    ``put_aside`` is what is not to be handled any more.
+    ``in_row`` ended so just now, one after the other, and lasted for no time. ``put_aside`` is what
+    is not to be handled any more.
     """
 
     at: list[str] = msgspec.field(default_factory=list)
@@ -52,6 +53,9 @@ class Handling:
 
         self.count = 0
         """How much was begun."""
+
+        self.is_live = False
+        """Whether all is handled that was recorded before."""
 
         with replace_atomically(path) as file:
             file.write(bytes(PAGE_BYTES) + msgspec.msgpack.encode(self.ends))
@@ -92,7 +96,7 @@ def _ends_until_now(path: Path) -> Ends:
     except (OSError, ValueError) as error:
         _log.warning("what was handled last cannot be read", file=path.name, why=str(error))
         return Ends()
-    if data[_PROVEN]:
+    if data[_PROVEN] or not data[_BUSY]:
         ends.in_row = 0
     if not data[_BUSY]:
         return ends

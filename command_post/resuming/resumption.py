@@ -46,13 +46,20 @@ class Resumption:
 
         Returns what it goes on with; ``None`` if it begins one.
         """
+        taken = None
         if self._unfinished is None:
             GistKeeper(self._gist, Gist(), self._recorder)
-            return None
-        recording = read_recording(self._unfinished)
+        else:
+            taken = self._taken_up(self._unfinished, go_on)
+        if self._handling is not None:
+            self._handling.is_live = True
+        return taken
+
+    def _taken_up(self, unfinished: Path, go_on: Callable[[TakingUp], TakenUp]) -> TakenUp:
+        recording = read_recording(unfinished)
         gist = gist_of(self._gist, recording)
         GistKeeper(self._gist, gist, self._recorder)
-        states = kept_states(self._state, self._unfinished, self._settings)
+        states = kept_states(self._state, unfinished, self._settings)
         taking_up = TakingUp(recording, gist, states, self.begin, self._attended, self._ends)
         taken = go_on(taking_up)
         if taken.begun_from != "all":

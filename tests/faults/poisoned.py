@@ -17,6 +17,7 @@ from threading import Event, Thread
 import numpy as np
 import numpy.typing as npt
 
+from command_post.fusion.methods import prepare_fusion
 from command_post.handing_over import HandingOver
 from command_post.incident import IncidentSettings
 from command_post.post import Post
@@ -109,5 +110,8 @@ def walked_to_the_end(tracks: list[Received]) -> bool:
 if __name__ == "__main__":
     give = HandingOver.give
     HandingOver.give = lambda *given: poisoned(sys.argv[2], give, *given)  # type: ignore[method-assign,assignment]
-    watcher.MOST_TICKS, watcher.TOLD_TICKS, watcher.TICK_S = 4, 2, 0.5
+    prepare_fusion(SETTINGS.fusion)
+    stuck(np.ones(1, np.int64))
+    if sys.argv[2] == "hang":
+        watcher.MOST_TICKS, watcher.TOLD_TICKS, watcher.TICK_S = 8, 2, 0.5
     serve(Path(sys.argv[1]), SETTINGS)
