@@ -17,7 +17,7 @@ from command_post.resuming.last_told import Recorded
 from shared.codec import encode
 from shared.gate_notes import noted
 from shared.mcap_reader import RecordedMessage, Recording, read_recording
-from shared.messages import Alert, Beat, Mayday, Order, OrderRequest
+from shared.messages import Alert, AlertStage, Beat, Mayday, Order, OrderRequest
 from shared.seal import sealed
 from shared.topics import Key
 from shared.units import NS_PER_S
@@ -162,7 +162,7 @@ def test_it_is_bounded_and_keeps_what_stands(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(gists, "MOST_KEYS", 30)
     gist = Gist()
     for number in range(100):
-        stage = "raised" if number == 3 else "resolved"
+        stage: AlertStage = "raised" if number == 3 else "resolved"
         gist.take(told("alert", Alert(
             event_time_ns=1, sequence=number, number=number, kind="mayday", stage=stage,
             role="responder", node_id="r1", since_ns=1, words="", by=None, assigned_to=None,
