@@ -26,7 +26,7 @@ def test_what_kills_the_post_twice_is_put_aside_and_in_a_replay_as_well(tmp_path
         assert serve(tmp_path, "kill").returncode == -signal.SIGKILL
     survived = serve(tmp_path, "kill")
     assert survived.returncode == 0, survived.stderr
-    begun_from, _, name = survived.stdout.strip().partition(" ")
+    begun_from, _, name = survived.stdout.splitlines()[-1].partition(" ")
     assert begun_from == "all"
     assert name.startswith("fusing clew/v1/fire/responder/r1/fix")
     assert "the post ended amid handling" in survived.stdout + survived.stderr
