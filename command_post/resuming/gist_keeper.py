@@ -20,7 +20,8 @@ from command_post.resuming.gist import FORMAT, Gist
 from shared.mcap_reader import Recording
 
 EVERY_S = 30.0
-"""What was recorded in so long is soon read."""
+MOST_SINCE = 20_000
+"""What was recorded in so long, or is so many messages, is soon read."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -41,13 +42,15 @@ class GistKeeper:
         self._recorder = recorder
         self._monotonic_s = monotonic_s
         self._next_s = monotonic_s()
+        self._since = 0
         recorder.follow = self._take
 
     def _take(self, items: Sequence[Item], position_bytes: int) -> None:
         try:
             self._gist.read(items)
-            if self._monotonic_s() >= self._next_s:
-                self._next_s = self._monotonic_s() + EVERY_S
+            self._since += len(items)
+            if self._monotonic_s() >= self._next_s or self._since >= MOST_SINCE:
+                self._next_s, self._since = self._monotonic_s() + EVERY_S, 0
                 content = zstandard.compress(self._gist.packed(), 1)
                 keep_beside(self._path, FORMAT, content, self._recorder, position_bytes)
         except OSError as error:
