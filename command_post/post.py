@@ -31,9 +31,8 @@ from command_post.nodes.strangers import stranger_message
 from command_post.post_clock import PostClock
 from command_post.reception import Reception
 from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
-from command_post.resuming.checkpoint import Checkpoints, Kept, State
-from command_post.resuming.meanwhile import last_told, telling
-from command_post.resuming.resume import Made, begin_anew, resume
+from command_post.resuming.checkpoint import Checkpoints, State
+from command_post.resuming.taking_up import TakenUp, TakingUp
 from command_post.roster import Roster, RosterSettings, make_roster
 from command_post.station_notice import StationNotice
 from command_post.voice import Voice
@@ -42,7 +41,6 @@ from shared.bus.interface import Bus, Received
 from shared.clock import Clock
 from shared.collector import Collector
 from shared.gate import Gate
-from shared.mcap_reader import BegunFrom, Recording
 from shared.messages import StationTable
 from shared.security.certificates import Identity
 from shared.sender import Outbox, Sign
@@ -124,7 +122,7 @@ class Post:
         self._voice = Voice(bus, outbox, recorder.when_safe)
         self._sign = sign
         self._safekeeping = Safekeeping(self._gate, recorder)
-        self._recorded = RecordedIncident(incident, recorder, self._safekeeping.lose)
+        self._recorded = self._recorded_of(incident)
         self._inbox = FairInbox[_Heard](INBOX_MESSAGES, INBOX_BYTES)
         self._reception = Reception(self._gate, self._inbox)
         self._watch = NodeWatch()
@@ -144,57 +142,27 @@ class Post:
         self._stations = StationNotice(stations)
         self._sites = SiteDesk()
 
-    def take_up(self, recording: Recording, kept: Kept | None) -> None:
-        """Take the incident up where ``recording``, which is gone on with, was broken off.
+    def take_up(self, taking_up: TakingUp) -> TakenUp:
+        """Go on with the incident where the recording, which is gone on with, was broken off.
 
-        If its state was ``kept``, it must be what the post was given as its incident. To be called
-        before ``serve``. Raises ``RecordingError`` if the recording cannot be read.
+        To be called before ``serve``.
         """
-        began_s = time.monotonic()
-        if kept is None and self._began_anew(recording):
-            return
-        if kept is not None:
-            self._gate.remember(kept.state.remembered)
-            if kept.state.exercise is not None:
-                self._clock.follow(*kept.state.exercise)
-        told = last_told(recording) if kept is None else []
-        place = (0, 1) if kept is None else (kept.position_bytes, kept.part)
-        since = recording.since(*place)
-        resumed = resume(telling(since, told, self._publish), self._incident, self._recall)
-        self._clock.passed_ns = resumed.last_ns or (0 if kept is None else kept.state.last_ns)
-        self._go_on(resumed.unrecorded, "all")
-        took_s = round(time.monotonic() - began_s, 1)
-        _log.warning("taken up again", handled=resumed.handled, took_s=took_s)
-        for damage in recording.report.damages:
-            _log.warning("of the recording is lost", what=str(damage))
-        if resumed.differing:
-            _log.warning("made otherwise than it was recorded", count=resumed.differing)
-
-    def _began_anew(self, recording: Recording) -> bool:
-        """Go on from what was told last, if handling all again would take too long; say whether."""
-        began_s = time.monotonic()
-        begun = begin_anew(recording, self._incident, self._recall)
-        if begun is None:
-            return False
-        self._clock.passed_ns = begun.last_ns
-        self._go_on(begun.made, "last_told")
-        self._remarks = (*self._remarks, begun.words)
-        took_s = round(time.monotonic() - began_s, 1)
-        _log.warning("taken up from what was told last", moves=begun.moves, took_s=took_s)
-        return True
-
-    def _go_on(self, made: Sequence[Made], begun_from: BegunFrom) -> None:
-        """Record that the recording is gone on with, and what was ``made`` of its end."""
+        taken = taking_up.take_up(self._clock.heed, self._publish)
+        self._incident = taken.incident
+        self._recorded = self._recorded_of(taken.incident)
+        self._gate.remember(taken.remembered)
+        self._clock.passed_ns = taken.last_ns
+        self._remarks += (taken.words,) if taken.words is not None else ()
         self._incident.take_notices()
-        self._recorder.mark_resumed(self._clock.now_ns(), begun_from)
-        for time_ns, key, payload in made:
+        self._recorder.mark_resumed(self._clock.now_ns(), taken.begun_from, taken.put_aside)
+        for time_ns, key, payload in taken.made:
             self._recorder.put(key, payload, time_ns, outgoing=True)
         # Who waited for it may have missed it.
-        self._to_say_again = [*self._incident.standing, *made]
+        self._to_say_again = [*self._incident.standing, *taken.made]
+        return taken
 
-    def _recall(self, key: str, payload: bytes) -> None:
-        self._gate.recall(key, payload)
-        self._clock.heed(key, payload)
+    def _recorded_of(self, incident: Incident) -> RecordedIncident:
+        return RecordedIncident(incident, self._recorder, self._safekeeping.lose)
 
     def serve(self, stop: Event) -> None:
         """Serve until ``stop`` is set, then finish the incident and say what was lost."""

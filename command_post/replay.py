@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from msgspec import structs
 
 from command_post.evaluation.evidence import Evidence
+from command_post.incident import Incident as OwnIncident
 from command_post.incident import IncidentSettings
 from command_post.recorder.recording import Incident
 from shared.codec import Refusal, decode, parse_key
@@ -111,6 +112,8 @@ def replay(
     ``RecordingError`` if ``path`` cannot be read as a recording.
     """
     recording = read_recording(path)
+    if isinstance(incident, OwnIncident):
+        incident.set_aside.attended(None, recording.put_aside())
     comparison = _Comparison()
     handled = 0
     for log_time_ns, _, key, payload, outgoing in recording:

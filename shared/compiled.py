@@ -17,14 +17,14 @@ Kernel = TypeVar("Kernel", bound=Callable[..., object])
 def compiled(function: Kernel) -> Kernel:
     """Compile ``function`` with numba at its first call; ``.py_func`` is its plain-Python meaning.
 
-    Machine code is kept on disk: beside the source, or in the user's cache folder where that
-    cannot be written (``NUMBA_CACHE_DIR`` names another). Where there is no such folder either, it
-    is compiled in every process.
+    Other threads run meanwhile. Machine code is kept on disk: beside the source, or in the user's
+    cache folder where that cannot be written (``NUMBA_CACHE_DIR`` names another). Where there is no
+    such folder either, it is compiled in every process.
     """
     try:
-        dispatcher: Dispatcher = njit(cache=True, error_model="numpy")(function)
+        dispatcher: Dispatcher = njit(cache=True, error_model="numpy", nogil=True)(function)
     except RuntimeError:
-        return cast(Kernel, njit(error_model="numpy")(function))
+        return cast(Kernel, njit(error_model="numpy", nogil=True)(function))
     _drop_stale(dispatcher, function)
     return cast(Kernel, dispatcher)
 

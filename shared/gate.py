@@ -66,7 +66,7 @@ class Remembered(NamedTuple):
     """What a gate knows of what has come."""
 
     journals: dict[JournalRun, ReceivedNumbers]
-    live: dict[str, _LiveRuns]
+    live: dict[str, LiveRuns]
     gone: Counter[JournalRun]
 
 
@@ -92,7 +92,7 @@ class Gate:
     def __init__(self, verifier: Verifier | None = None) -> None:
         self._verifier = verifier
         self._journals: dict[JournalRun, ReceivedNumbers] = {}
-        self._live: dict[str, _LiveRuns] = {}
+        self._live: dict[str, LiveRuns] = {}
         self.turned: Counter[tuple[Turned, str]] = Counter()
         self.gone: Counter[JournalRun] = Counter()
         """How many messages of a journal are known to be lost for good."""
@@ -182,7 +182,7 @@ class Gate:
             return self._take_journalled(key, seal)
         if key_text not in self._live and len(self._live) >= MOST_RUNS:
             return "too_many_runs"
-        why = self._live.setdefault(key_text, _LiveRuns()).take(seal)
+        why = self._live.setdefault(key_text, LiveRuns()).take(seal)
         if why is None and key.topic == "beat":
             self._heed(key, payload)
         return why
@@ -211,25 +211,30 @@ class Gate:
         return numbers
 
 
-class _LiveRuns:
+class LiveRuns:
     """What is kept nowhere: within a run its numbers rise, and a run once left is past."""
 
-    def __init__(self) -> None:
-        self._run = b""
-        self._number = 0
-        self._past: dict[bytes, None] = {}
+    def __init__(self, run: bytes = b"", number: int = 0, past: Sequence[bytes] = ()) -> None:
+        self.run = run
+        self.number = number
+        self._past = dict.fromkeys(past)
+
+    @property
+    def past(self) -> list[bytes]:
+        """The runs that were left, in that order."""
+        return list(self._past)
 
     def take(self, seal: Seal) -> Turned | None:
         """Take a number; return why it is turned away, if it is."""
-        if seal.run != self._run:
+        if seal.run != self.run:
             if seal.run in self._past:
                 return "replayed"
-            if self._run:
-                self._past[self._run] = None
+            if self.run:
+                self._past[self.run] = None
             if len(self._past) > MOST_LIVE_RUNS:
                 del self._past[next(iter(self._past))]
-            self._run, self._number = seal.run, 0
-        if seal.number <= self._number:
-            return "repeated" if seal.number == self._number else "replayed"
-        self._number = seal.number
+            self.run, self.number = seal.run, 0
+        if seal.number <= self.number:
+            return "repeated" if seal.number == self.number else "replayed"
+        self.number = seal.number
         return None

@@ -62,8 +62,8 @@ END = "clew.end"
 RESUMED = "clew.resumed"
 """Name of the metadata that says when a recording that had been broken off was gone on with."""
 
-BegunFrom: TypeAlias = Literal["all", "last_told"]
-"""What a post that was killed went on from: all that is recorded, or what it had told last."""
+BegunFrom: TypeAlias = Literal["all", "last_told", "nothing"]
+"""What a post that was killed went on from: all that is recorded, what was told last, nothing."""
 
 
 class RecordedMessage(NamedTuple):
@@ -101,7 +101,7 @@ class ReadReport:
     ``finished``: the recorder closed the file. ``dropped_count``: messages it had no room for.
     ``unplaced_count``: messages whose channel is not known because of damage. ``excerpt_count``:
     messages of which only the beginning was kept. ``resumed_count``: how often the recorder had
-    been killed before it went on, ``begun_anew_count`` how often from what was told last alone.
+    been killed before it went on, ``begun_anew_count`` how often from less than all that is there.
     ``derived_count``: what is only to be looked at, and no message.
     ``continued``: another part was to follow.
     """
@@ -133,7 +133,7 @@ class ReadReport:
             (self.resumed_count, "times broken off and gone on with"),
             (
                 self.begun_anew_count,
-                "times of these from what was told last, by no replay",
+                "times of these from what was told last at most, by no replay",
             ),
             (self.dropped_count, "messages dropped by the recorder"),
             (self.unplaced_count, "messages without a known channel"),
@@ -172,6 +172,16 @@ class Recording:
     def report(self) -> ReadReport:
         """What reading has found so far."""
         return _all_told(self._reports)
+
+    def put_aside(self) -> frozenset[str]:
+        """Return what was not handled in the end, having ended the post more than once, by name."""
+        found: set[str] = set()
+        for each in self.parts:
+            with mapped(each.path) as data:
+                for record, _, _ in RecordScan(data).placed():
+                    if isinstance(record, Metadata) and record.name == RESUMED:
+                        found.update(record.metadata.get("put_aside", "").splitlines())
+        return frozenset(found)
 
     def __iter__(self) -> Iterator[RecordedMessage]:
         """Yield all that can be read. Raises ``RecordingError`` if a file has gone."""
@@ -291,7 +301,7 @@ class _Scan:
             self.report.dropped_count = int(values["count"])
         elif metadata.name == RESUMED:
             self.report.resumed_count += 1
-            self.report.begun_anew_count += values.get("begun_from") == "last_told"
+            self.report.begun_anew_count += values.get("begun_from", "all") != "all"
         elif metadata.name == CONTINUED:
             self.report.continued = True
         elif metadata.name == END:

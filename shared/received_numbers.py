@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 MOST_BEYOND = 100_000
@@ -27,6 +28,15 @@ class ReceivedNumbers:
         self.up_to = up_to
         self.highest = up_to
         self._beyond: set[int] = set()
+
+    @classmethod
+    def of_holes(cls, highest: int, holes: Sequence[Hole]) -> ReceivedNumbers:
+        """Return that all up to ``highest`` have come but ``holes``, which are in their order."""
+        numbers = cls(holes[0].first - 1 if holes else highest)
+        numbers.highest = highest
+        for hole, following in pairwise([*holes, Hole(highest + 1, highest)]):
+            numbers._beyond.update(range(hole.last + 1, following.first))
+        return numbers
 
     def is_new(self, number: int) -> bool:
         """Say whether ``number`` has not come yet, and could be taken."""

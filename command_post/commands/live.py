@@ -17,13 +17,13 @@ from rich.live import Live
 from command_post.commands.doors import Doors
 from command_post.commands.post_options import Fusing, PostItself, Record, WhoIsWho
 from command_post.commands.prepare import make_ready
-from command_post.incident import Incident, IncidentSettings
+from command_post.incident import IncidentSettings
 from command_post.metrics.server import metrics_address, told
 from command_post.post import Post
 from command_post.recorder.file import RecorderError
 from command_post.recorder.mirror import Mirror
 from command_post.recorder.recording import Recorder
-from command_post.resuming.checkpoint import Checkpoints, before_path, checkpoint_path, load
+from command_post.resuming.resumption import Resumption
 from command_post.roster import Roster
 from command_post.table import roster_table
 from shared.bus.interface import Bus
@@ -33,7 +33,6 @@ from shared.continued_clock import continued_clock
 from shared.files import FileHeldError, file_held_alone
 from shared.gate import Gate
 from shared.introductions import Introductions
-from shared.mcap_reader import read_recording
 from shared.process import (
     ExitCode,
     ended_by_signals,
@@ -119,27 +118,25 @@ def run(
                     itself.incident, itself.post_id, bundle, fusing.plan, settings.teams.teams
                 ) as guests,
             ):
-                state, part = checkpoint_path(keeping.record), recorder.unfinished
-                kept = None if part is None else load(state, part, settings)
-                begun = Incident(settings, keeps_all=False) if kept is None else kept.state.incident
+                resumption = Resumption(keeping.record, recorder, settings)
                 post = Post(
-                    link.bus, begun, recorder,
-                    continued_clock(keeping.noted_clock, goes_on=part is not None),
+                    link.bus, resumption.begin(), recorder,
+                    continued_clock(keeping.noted_clock, goes_on=recorder.unfinished is not None),
                     follows_exercise=await_start, show=show, gate=Gate(link.introductions.signers),
                     outbox=Unkept(None if bundle is None else bundle.sign),
                     meet=link.introductions.meet, sign=None if bundle is None else bundle.sign,
                     metrics=figures, guests=guests,
                     remarks=() if refused is None else (refused,),
-                    checkpoints=Checkpoints(state, recorder), stations=stations,
+                    checkpoints=resumption.checkpoints, stations=stations,
                     at_links=link.at_links,
                 )  # fmt: skip
-                if part is not None:
+                with resumption.watched():
                     # It can be broken off: the recording stays as it is, to be gone on with.
                     with ended_by_signals():
-                        post.take_up(read_recording(part), kept)
-                    mirror.recall(begun.standing)
-                kept_files = (state, before_path(state), keeping.noted_clock)
-                return _serve(post, recorder, stop, kept_files)
+                        taken = resumption.take_up(post.take_up)
+                    if taken is not None:
+                        mirror.recall(taken.incident.standing)
+                    return _serve(post, recorder, stop, (*resumption.files, keeping.noted_clock))
     except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE

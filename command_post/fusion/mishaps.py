@@ -70,10 +70,10 @@ class Mishaps:
                 Mishap(role, node_id, what, type(error).__name__, place, str(error), trace)
             )
 
-    def put_aside(self, what: str, role: Role, node_id: str) -> None:
+    def put_aside(self, what: str, role: Role, node_id: str, error: str = "Unsolvable") -> None:
         """Note that ``what`` a node said is put aside, being what was failed of."""
         if len(self._found) < MOST_KEPT:
-            self._found.append(Mishap(role, node_id, what, "Unsolvable", "", "", what))
+            self._found.append(Mishap(role, node_id, what, error, "", "", what))
 
     def take(self) -> list[Mishap]:
         """Return them, once."""

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from command_post.recorder.recording import RecorderStatus
+from command_post.recorder.backlog import RecorderStatus
 from command_post.roster import Roster
 
 

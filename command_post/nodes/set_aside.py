@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import AbstractContextManager
-from typing import NamedTuple
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from hashlib import blake2b
+from typing import Any, NamedTuple, Protocol
 
 from command_post.fusion.mishaps import Mishap, Mishaps
+from command_post.fusion.time_line import Event
 from command_post.nodes.notices import Notices
 from command_post.nodes.senders import Node
 from shared.topics import Key
@@ -17,6 +19,24 @@ TOLD_NS = 600 * NS_PER_S
 
 MOST_NODES = 4096
 MOST_WORDS = 120
+
+
+class Attendant(Protocol):
+    """Somebody who knows what is being handled, should the process end amid that."""
+
+    def begin(self, what: str) -> None:
+        """Take in that ``what`` is handled from now on."""
+
+    def end(self) -> None:
+        """Take in that it is done, whether it was survived or done."""
+
+
+class _Unattended:
+    def begin(self, what: str) -> None:
+        pass
+
+    def end(self) -> None:
+        pass
 
 
 class _Aside(NamedTuple):
@@ -35,14 +55,46 @@ class SetAside:
         self._mishaps = Mishaps()
         self._elsewhere: list[Mishap] = []
         self._of: dict[Node, _Aside] = {}
+        self._attendant: Attendant = _Unattended()
+        self._fatal: frozenset[str] = frozenset()
 
-    def survived(self, key: Key, doing: str) -> AbstractContextManager[None]:
-        """Break off what is done within with a message under ``key``, at an exception."""
-        return self._mishaps.survived(f"{key.topic}, {doing}", key.role, key.node_id)
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all that is to be kept: who attends belongs to a process."""
+        return {**self.__dict__, "_attendant": _Unattended()}
 
-    def passing(self, doing: str) -> AbstractContextManager[None]:
+    def attended(self, by: Attendant | None, fatal: Collection[str]) -> None:
+        """Have somebody attend; what is ``fatal`` is put aside from now on, unhandled."""
+        self._attendant = by or _Unattended()
+        self._fatal = frozenset(fatal)
+
+    def takes(self, key: Key, what: str) -> bool:
+        """Say whether ``what`` was said under ``key`` is to be handled, and note it if not."""
+        if what not in self._fatal:
+            return True
+        words = f"{key.topic}: the post ended at it, more than once"
+        self._mishaps.put_aside(words, key.role, key.node_id, "Fatal")
+        return False
+
+    @contextmanager
+    def survived(self, key: Key, doing: str, what: str = "") -> Iterator[None]:
+        """Break off what is done within with a message under ``key``, at an exception.
+
+        ``what`` names it to who attends; within what is attended already, nothing does.
+        """
+        if what:
+            self._attendant.begin(what)
+        with self._mishaps.survived(f"{key.topic}, {doing}", key.role, key.node_id):
+            yield
+        if what:
+            self._attendant.end()
+
+    @contextmanager
+    def passing(self, doing: str) -> Iterator[None]:
         """Break off at an exception what is done within, which no message is about."""
-        return self._mishaps.survived(doing, *self._post)
+        self._attendant.begin(doing)
+        with self._mishaps.survived(doing, *self._post):
+            yield
+        self._attendant.end()
 
     def take(self, mishaps: Iterable[Mishap]) -> None:
         """Take in what came up elsewhere, and was got over there."""
@@ -74,3 +126,14 @@ class SetAside:
             if node[0] == "post"
             for words in self.faults(node, now_ns)
         ]
+
+
+def heard(key: str, payload: bytes) -> str:
+    """Name what was heard, among all that is handled."""
+    return f"hearing {key} {blake2b(payload, digest_size=8).hexdigest()}"
+
+
+def fused(event: Event) -> str:
+    """Name what is fused, among all that is handled."""
+    said = event.message
+    return f"fusing {event.key} {said.sequence} {said.event_time_ns}"

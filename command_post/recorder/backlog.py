@@ -1,8 +1,8 @@
-"""What waits for the recorder's thread."""
+"""What waits for the recorder's thread, and how much."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 from command_post.recorder.parts import RecordingSet
@@ -39,15 +39,19 @@ class End(NamedTuple):
 
 
 class Resumed(NamedTuple):
-    """That a recording that was broken off is gone on with since ``now_ns``, from what."""
+    """That a recording that was broken off is gone on with since ``now_ns``, from what.
+
+    ``put_aside`` is named what is not handled, neither now nor before.
+    """
 
     now_ns: int
     begun_from: BegunFrom = "all"
+    put_aside: Sequence[str] = ()
     size_bytes: int = 0
 
     def write_to(self, file: RecordingSet) -> None:
         """Put it into ``file``."""
-        file.mark_resumed(self.now_ns, self.begun_from)
+        file.mark_resumed(self.now_ns, self.begun_from, self.put_aside)
 
 
 class WhenSafe(NamedTuple):
@@ -55,6 +59,15 @@ class WhenSafe(NamedTuple):
 
     then: Callable[[int], None]
     size_bytes: int = 0
+
+
+class RecorderStatus(NamedTuple):
+    """How the recorder fares. ``fault``: why nothing is recorded at the moment, if so."""
+
+    queued: int
+    written: int
+    dropped: int
+    fault: str | None
 
 
 Entry: TypeAlias = Item | End | Resumed | WhenSafe

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -245,9 +245,14 @@ class RecordingFile:
         """Say that so far ``count`` messages are missing."""
         self._writer.add_metadata(DROPPED, {"count": str(count)})
 
-    def mark_resumed(self, now_ns: int, begun_from: BegunFrom = "all") -> None:
-        """Say that it had been broken off, and is gone on with since ``now_ns``, from what."""
-        told = {"time_ns": str(now_ns), "begun_from": begun_from}
+    def mark_resumed(
+        self, now_ns: int, begun_from: BegunFrom = "all", put_aside: Sequence[str] = ()
+    ) -> None:
+        """Say that it had been broken off, and is gone on with since ``now_ns``, from what.
+
+        What is ``put_aside`` is not handled, and was not before.
+        """
+        told = {"time_ns": str(now_ns), "begun_from": begun_from, "put_aside": "\n".join(put_aside)}
         self._writer.add_metadata(RESUMED, told)
 
     def mark_continued(self, following: str) -> None:

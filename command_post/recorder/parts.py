@@ -8,7 +8,7 @@ meanwhile waits.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -112,9 +112,11 @@ class RecordingSet:
         self._dropped = count
         self._file.mark_dropped(count)
 
-    def mark_resumed(self, now_ns: int, begun_from: BegunFrom = "all") -> None:
+    def mark_resumed(
+        self, now_ns: int, begun_from: BegunFrom = "all", put_aside: Sequence[str] = ()
+    ) -> None:
         """Say that it had been broken off, and is gone on with since ``now_ns``."""
-        self._file.mark_resumed(now_ns, begun_from)
+        self._file.mark_resumed(now_ns, begun_from, put_aside)
 
     def sync(self) -> None:
         """Return once all that was put in would survive a power cut."""

@@ -13,11 +13,11 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Protocol, Self
+from typing import Protocol, Self
 
 import structlog
 
-from command_post.recorder.backlog import End, Entry, Item, Resumed, WhenSafe
+from command_post.recorder.backlog import End, Entry, Item, RecorderStatus, Resumed, WhenSafe
 from command_post.recorder.mirror import Mirror
 from command_post.recorder.parts import RecordingSet, Rotation
 from shared.mcap_reader import BegunFrom
@@ -117,15 +117,6 @@ class RecordedIncident:
         return made
 
 
-class RecorderStatus(NamedTuple):
-    """How the recorder fares. ``fault``: why nothing is recorded at the moment, if so."""
-
-    queued: int
-    written: int
-    dropped: int
-    fault: str | None
-
-
 class Recorder:
     """Records on a thread of its own, so that whoever hears messages never waits for the disk.
 
@@ -167,6 +158,9 @@ class Recorder:
         self._queued_bytes = 0
         self._taken = 0
         self._safe = 0
+        self.follow: Callable[[Sequence[Item], int], None] = lambda _items, _position: None
+        """Told, on the recorder's thread, what is safe since, and how far the file is written."""
+
         self._written = 0
         self._dropped = self._dropped_told = self._file.dropped_before
         self._fault: str | None = None
@@ -214,10 +208,12 @@ class Recorder:
         with self._changed:
             self._enqueue(End(now_ns))
 
-    def mark_resumed(self, now_ns: int, begun_from: BegunFrom = "all") -> None:
+    def mark_resumed(
+        self, now_ns: int, begun_from: BegunFrom = "all", put_aside: Sequence[str] = ()
+    ) -> None:
         """Say that the recording is gone on with since ``now_ns``, and what that began from."""
         with self._changed:
-            self._enqueue(Resumed(now_ns, begun_from))
+            self._enqueue(Resumed(now_ns, begun_from, put_aside))
 
     def when_safe(self, then: Callable[[int], None]) -> bool:
         """Call ``then`` once all that has been put would survive a power cut; ``False`` if not.
@@ -348,8 +344,10 @@ class Recorder:
     def _sync(self) -> None:
         self._tell_dropped()
         self._file.sync()
-        self._safe += sum(isinstance(each, Item) for each in self._unsynced)
+        items = [each for each in self._unsynced if isinstance(each, Item)]
+        self._safe += len(items)
         self._unsynced.clear()
+        self.follow(items, self._file.synced_bytes)
         self._synced_ns = self._monotonic_ns()
 
     def _tell_dropped(self) -> None:

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import pickle
 import time
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import structlog
 import zstandard
 
@@ -25,10 +24,9 @@ import command_post
 import shared
 from command_post.incident import Incident, IncidentSettings
 from command_post.recorder.recording import Recorder
+from command_post.resuming.beside import Place, before_path, keep_beside, kept_beside
 from shared.bus.interface import Received
-from shared.files import replace_atomically
 from shared.gate import Remembered
-from shared.recording_parts import where_part_is
 
 WORTH_S = 1.0
 """So much work is not to be done again after a kill."""
@@ -38,9 +36,6 @@ SHARE = 0.02
 
 MOST_HALT_S = 1.0
 """All have to wait while the state is being kept: a longer wait is rarer by as much again."""
-
-TAIL_BYTES = 1 << 16
-"""What stands before its place in a recording shows that it is of that recording."""
 
 ASIDE = frozenset({
     "commands", "doctor", "evaluation", "exports", "gateways", "proof", "review", "simulation",
@@ -70,20 +65,10 @@ class State(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """A state, and how far into which part of the recording it is one of."""
+    """A state, and how far into the recording it is one of."""
 
     state: State
-    position_bytes: int
-    part: int
-
-
-class _File(msgspec.Struct):
-    software: str
-    part: int
-    position_bytes: int
-    tail_sha256: str
-    state_sha256: str
-    state: bytes
+    place: Place
 
 
 class Checkpoints:
@@ -133,16 +118,8 @@ class Checkpoints:
     def _write(self, pickled: bytes, position_bytes: int) -> None:
         """Write it, on the recorder's thread."""
         try:
-            tail = _tail_of(self._recorder.part, position_bytes)
             compressed = zstandard.compress(pickled, 1)
-            digest = _sha256(compressed)
-            part = self._recorder.part_number
-            file = _File(self._software, part, position_bytes, tail, digest, compressed)
-            if self._path.exists():
-                self._path.replace(before_path(self._path))
-            with replace_atomically(self._path) as stream:
-                os.fchmod(stream.fileno(), 0o600)
-                stream.write(msgspec.msgpack.encode(file))
+            keep_beside(self._path, self._software, compressed, self._recorder, position_bytes)
         except OSError as error:
             _log.warning("the post's state cannot be kept", why=str(error))
         finally:
@@ -154,46 +131,32 @@ def checkpoint_path(recording: Path) -> Path:
     return recording.with_name(f"{recording.name}.checkpoint")
 
 
-def before_path(path: Path) -> Path:
-    """Return where the state is that was kept before the one at ``path``."""
-    return path.with_name(f"{path.name}.before")
+def kept_states(path: Path, recording: Path, settings: IncidentSettings) -> Iterator[Kept]:
+    """Yield what is kept at ``path`` of the unfinished ``recording``, then what was before that.
 
-
-def load(path: Path, recording: Path, settings: IncidentSettings) -> Kept | None:
-    """Return what is kept at ``path`` of the unfinished ``recording``, or was kept before that.
-
-    It is ``None``, and told, if that is of no use. Only what this user has written is looked at.
+    What is of no use is told of instead.
     """
-    return _found(path, recording, settings) or _found(before_path(path), recording, settings)
-
-
-def _found(path: Path, recording: Path, settings: IncidentSettings) -> Kept | None:
-    try:
-        kept = _loaded(path, recording)
-    except FileNotFoundError:
-        return None
-    except Exception as error:
-        # Whatever is wrong with it, it can be done without.
-        _log.warning("the state kept of the incident is of no use", file=path.name, why=str(error))
-        return None
-    return kept if kept.state.incident.settings == settings else None
+    for each in (path, before_path(path)):
+        try:
+            kept = _loaded(each, recording)
+            is_fit = kept.state.incident.settings == settings
+        except FileNotFoundError:
+            continue
+        except Exception as error:
+            # Whatever is wrong with it, it can be done without.
+            words = str(error) or type(error).__name__
+            _log.warning("the state kept of the incident is of no use", file=each.name, why=words)
+            continue
+        if is_fit:
+            yield kept
 
 
 def _loaded(path: Path, recording: Path) -> Kept:
-    if path.stat().st_uid != os.geteuid():
-        raise ValueError("it is not this user's")
-    file = msgspec.msgpack.decode(path.read_bytes(), type=_File)
-    if file.software != software():
-        raise ValueError("other software has written it")
-    if file.state_sha256 != _sha256(file.state):
-        raise ValueError("it is damaged")
-    part = where_part_is(recording, file.part)
-    if part is None or file.tail_sha256 != _tail_of(part, file.position_bytes):
-        raise ValueError("it is of another recording")
-    state = _Unpickler(io.BytesIO(zstandard.decompress(file.state))).load()
+    content, place = kept_beside(path, software(), recording)
+    state = _Unpickler(io.BytesIO(zstandard.decompress(content))).load()
     if not isinstance(state, State):
         raise ValueError("it is no state")
-    return Kept(state, file.position_bytes, file.part)
+    return Kept(state, place)
 
 
 class _Unpickler(pickle.Unpickler):
@@ -223,14 +186,3 @@ def software() -> str:
             if path.relative_to(folder).parts[0] not in ASIDE:
                 digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def _tail_of(recording: Path, end_bytes: int) -> str:
-    with recording.open("rb") as file:
-        file.seek(max(end_bytes - TAIL_BYTES, 0))
-        tail = file.read(min(end_bytes, TAIL_BYTES))
-    return _sha256(tail)
-
-
-def _sha256(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()

@@ -10,26 +10,10 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from command_post.resuming.resume import Made
-from shared.codec import decode, parse_key
 from shared.mcap_reader import RecordedMessage
-from shared.messages import DapEstimate, TrackEstimate
-from shared.topics import Key
 
 AGAIN_S = 2.0
 """Who has to find the post again may have missed it."""
-
-
-def last_told(recorded: Iterable[RecordedMessage]) -> list[Made]:
-    """Return what was told last of where each responder and each DAP is."""
-    found: dict[tuple[str, str], Made] = {}
-    for log_time_ns, _, key_text, payload, outgoing in recorded:
-        key = parse_key(key_text) if outgoing else None
-        if not isinstance(key, Key) or key.topic not in {"track", "dap_place"}:
-            continue
-        match decode(key, payload):
-            case TrackEstimate(responder_id=name) | DapEstimate(dap_id=name):
-                found[(key.topic, name)] = Made(log_time_ns, key_text, payload)
-    return list(found.values())
 
 
 def telling(

@@ -9,14 +9,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from datetime import UTC, datetime
 from typing import NamedTuple
 
-from command_post.incident import Incident
 from command_post.recorder.recording import Incident as Handler
-from command_post.resuming.last_told import read_last_told
 from shared.mcap_reader import RecordedMessage
-from shared.units import NS_PER_S
 
 
 class Made(NamedTuple):
@@ -39,46 +35,6 @@ class Resumed(NamedTuple):
     unrecorded: list[Made]
     differing: int
     last_ns: int
-
-
-SOON_HANDLED = 1500
-"""So many moves are handled again as soon as anything: two minutes of twelve responders."""
-
-
-class BegunAnew(NamedTuple):
-    """What came of going on from what was told last of so many ``moves``, in ``words`` as well.
-
-    ``made`` is not in the recording. ``last_ns`` is as of when anything was recorded last.
-    """
-
-    made: list[Made]
-    moves: int
-    last_ns: int
-    words: str
-
-
-def begin_anew(
-    recorded: Iterable[RecordedMessage],
-    incident: Incident,
-    recall: Callable[[str, bytes], None],
-) -> BegunAnew | None:
-    """Have ``incident`` go on from what was told last of what is ``recorded``.
-
-    ``None``, and only ``recall`` was told of what was received, where handling all again takes no
-    longer, or the way of fusing cannot. A replay of the whole does not make the same of it.
-    """
-    last = read_last_told(recorded, recall)
-    if last.moves < SOON_HANDLED or incident.settings.fusion.method != "team":
-        return None
-    for each in last.to_handle:
-        incident.recall(each.key, each.payload, each.log_time_ns)
-    made = incident.begin_from(last)
-    told_at = datetime.fromtimestamp(last.last_ns / NS_PER_S, UTC).astimezone()
-    words = (
-        f"the post was killed, and goes on from what it had told of everybody until "
-        f"{told_at:%H:%M:%S}"
-    )
-    return BegunAnew([Made(last.last_ns, *each) for each in made], last.moves, last.last_ns, words)
 
 
 def resume(

@@ -16,7 +16,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from command_post.fusion.methods import prepare_fusion
 from command_post.incident import Incident, IncidentSettings
 from command_post.recorder.recording import RecordedIncident, Recorder
-from command_post.resuming.checkpoint import Checkpoints, State, checkpoint_path, load
+from command_post.resuming.beside import BEGINNING
+from command_post.resuming.checkpoint import Checkpoints, State, checkpoint_path, kept_states
 from command_post.resuming.resume import Resumed, resume
 from shared.gate import Gate
 from shared.mcap_reader import read_recording
@@ -53,9 +54,10 @@ def test_an_incident_is_taken_up(
         wait_for(lambda: recorder.safe == recorder.taken, "the disk")
 
         def take_up() -> tuple[Incident, Resumed]:
-            kept = load(checkpoint_path(path), recorder.part, settings)
+            kept = next(kept_states(checkpoint_path(path), recorder.part, settings), None)
             of_kept = Incident(settings) if kept is None else kept.state.incident
-            since = read_recording(recorder.part).since(0 if kept is None else kept.position_bytes)
+            place = BEGINNING if kept is None else kept.place
+            since = read_recording(recorder.part).since(*place)
             return of_kept, resume(since, of_kept, gate.recall)
 
         again, resumed = benchmark.pedantic(take_up, rounds=1, iterations=1)  # type: ignore[no-untyped-call]

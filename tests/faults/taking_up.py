@@ -29,7 +29,8 @@ from msgspec import structs
 from command_post.fusion.methods import prepare_fusion
 from command_post.incident import Incident, IncidentSettings
 from command_post.recorder.recording import RecordedIncident, Recorder
-from command_post.resuming.checkpoint import Checkpoints, State, before_path, checkpoint_path
+from command_post.resuming.beside import before_path
+from command_post.resuming.checkpoint import Checkpoints, State, checkpoint_path
 from shared.bus.interface import Received
 from shared.bus.zenoh_bus import ZenohBus
 from shared.codec import decode, encode, parse_key

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 
@@ -14,13 +15,14 @@ from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
 from command_post.recorder.parts import RecordingSet
 from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
-from command_post.resuming.last_told import LastTold, read_last_told
+from command_post.resuming.gist import Gist
+from command_post.resuming.last_told import LastTold
+from command_post.resuming.taking_up import TakingUp
 from command_post.roster import Roster
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
 from shared.clock import ManualClock
 from shared.codec import encode
-from shared.gate import Gate
 from shared.mcap_reader import read_recording
 from shared.messages import (
     Alert,
@@ -108,7 +110,9 @@ def until_killed(walked: list[Said]) -> list[Said]:
 
 def begun_anew(path: Path) -> tuple[Incident, LastTold]:
     recorded = read_recording(path.with_name("a.mcap.part"))
-    last, incident = read_last_told(recorded, Gate().recall), Incident(SETTINGS)
+    gist, incident = Gist(), Incident(SETTINGS)
+    gist.read(recorded)
+    last = gist.last_told()
     for each in last.to_handle:
         incident.recall(each.key, each.payload, each.log_time_ns)
     incident.begin_from(last)
@@ -179,7 +183,7 @@ def test_a_post_without_a_state_says_from_what_it_goes_on(
     whole: tuple[Incident, Path], walked: list[Said], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("command_post.resuming.resume.SOON_HANDLED", 150)
+    monkeypatch.setattr("command_post.resuming.taking_up.SOON_HANDLED", 150)
     path, network, stop = tmp_path / "a.mcap", MemoryNetwork(), Event()
     path.with_name("a.mcap.part").write_bytes(whole[1].with_name("a.mcap.part").read_bytes())
     shown, said = list[Roster](), list[Received]()
@@ -190,7 +194,9 @@ def test_a_post_without_a_state_says_from_what_it_goes_on(
                 follows_exercise=False, show=shown.append,
             )  # fmt: skip
             assert recorder.unfinished is not None
-            post.take_up(read_recording(recorder.unfinished), None)
+            recording, gist = read_recording(recorder.unfinished), Gist()
+            gist.read(recording)
+            post.take_up(TakingUp(recording, gist, (), partial(Incident, SETTINGS)))
             other.subscribe(str(Key("fire", "post", "post", "track")), said.append)
             thread = Thread(target=post.serve, args=(stop,))
             thread.start()

@@ -18,7 +18,8 @@ from command_post.incident import Incident, IncidentSettings
 from command_post.recorder.parts import Rotation
 from command_post.recorder.recording import RecordedIncident, Recorder
 from command_post.resuming import checkpoint
-from command_post.resuming.checkpoint import Checkpoints, Kept, State, checkpoint_path, load
+from command_post.resuming.beside import sha256_hex
+from command_post.resuming.checkpoint import Checkpoints, Kept, State, checkpoint_path, kept_states
 from command_post.resuming.resume import resume
 from shared.codec import encode
 from shared.gate import Gate, JournalRun
@@ -81,7 +82,7 @@ class World:
 
     def loaded(self) -> Kept | None:
         """Return what is kept."""
-        return load(self.kept_at, self.recorder.part, SETTINGS)
+        return next(kept_states(self.kept_at, self.recorder.part, SETTINGS), None)
 
 
 def _pair(each: object) -> tuple[str, bytes]:
@@ -116,8 +117,8 @@ def test_it_is_of_a_part_that_was_ended_since(tmp_path: Path, heard: Heard) -> N
         wait_for(partial(is_later, world.recorder, number), "another part")
     kept = world.loaded()
     assert kept is not None
-    assert 1 < kept.part < world.recorder.part_number
-    since = read_recording(world.path).since(kept.position_bytes, kept.part)
+    assert 1 < kept.place.part < world.recorder.part_number
+    since = read_recording(world.path).since(*kept.place)
     resumed = resume(since, kept.state.incident, Gate().recall)
     assert (resumed.handled, resumed.differing) == (20, 0)
     assert kept.state.incident.estimates == world.incident.estimates
@@ -138,9 +139,7 @@ def test_taken_up_from_it_all_goes_on_to_the_bit(tmp_path: Path, responders: int
     assert kept.state.last_ns == 7
     incident, gate = kept.state.incident, Gate()
     gate.remember(kept.state.remembered)
-    resumed = resume(
-        read_recording(world.recorder.part).since(kept.position_bytes), incident, gate.recall
-    )
+    resumed = resume(read_recording(world.recorder.part).since(*kept.place), incident, gate.recall)
     assert resumed.handled == half // 4
     assert resumed.differing == 0
     assert incident.estimates == world.incident.estimates
@@ -198,7 +197,7 @@ def changed(path: Path, **changes: object) -> None:
     ("changes", "why"),
     [
         ({"software": "older"}, "other software"),
-        ({"state": b"else"}, "damaged"),
+        ({"content": b"else"}, "damaged"),
         ({"tail_sha256": "0"}, "another recording"),
         ({"position_bytes": 10**9}, "another recording"),
         ({"position_bytes": "x"}, "Expected `int`"),
@@ -259,7 +258,8 @@ def test_every_broken_off_file_is_passed_over(world: World) -> None:
 def test_one_of_other_settings_is_passed_over(world: World) -> None:
     world.hear(40)
     world.keep()
-    assert load(world.kept_at, world.recorder.part, IncidentSettings(incident="mill")) is None
+    other = IncidentSettings(incident="mill")
+    assert not list(kept_states(world.kept_at, world.recorder.part, other))
 
 
 class Harmful:
@@ -275,7 +275,7 @@ def test_nothing_is_called_that_a_state_has_not(
     world.hear(10)
     state = zstandard.compress(pickle.dumps(Harmful()))
     world.keep()
-    changed(world.kept_at, state=state, state_sha256=checkpoint._sha256(state))
+    changed(world.kept_at, content=state, content_sha256=sha256_hex(state))
     assert world.loaded() is None
     said = capsys.readouterr().out
     assert "builtins.print is nothing that a state has" in said

@@ -11,7 +11,8 @@ import pytest
 from command_post.incident import Incident
 from command_post.recorder.file import RecordingFile
 from command_post.recorder.recording import RecordedIncident
-from command_post.resuming.meanwhile import AGAIN_S, last_told, telling
+from command_post.resuming.gist import Gist
+from command_post.resuming.meanwhile import AGAIN_S, telling
 from command_post.resuming.resume import Made
 from shared.mcap_reader import Recording, read_recording
 from shared.messages import TrackEstimate
@@ -32,8 +33,14 @@ def recording(tmp_path: Path) -> Recording:
     return read_recording(file.part)
 
 
+def told_last(recording: Recording) -> list[Made]:
+    gist = Gist()
+    gist.read(recording)
+    return [Made(each.log_time_ns, each.key, each.payload) for each in gist.told]
+
+
 def test_what_was_told_last_of_each_is_found(recording: Recording) -> None:
-    told = last_told(recording)
+    told = told_last(recording)
     recorded = [each for each in recording if each.outgoing]
     newest = {}
     for each in recorded:
@@ -45,7 +52,7 @@ def test_what_was_told_last_of_each_is_found(recording: Recording) -> None:
 
 
 def test_it_is_told_again_and_again_until_all_is_handled(recording: Recording) -> None:
-    told = last_told(recording)
+    told = told_last(recording)
     said = list[Sequence[Made]]()
     # It is looked at the clock at the beginning, for each, and once more where it is told.
     times_s = (0.5 * AGAIN_S * number for number in count())

@@ -19,7 +19,7 @@ from command_post.metrics.figures import Figures, by_reason
 from command_post.metrics.prometheus import MOST_NODES_SHOWN, Metrics
 from command_post.metrics.server import metrics_address, told
 from command_post.nodes.freshness import Freshness
-from command_post.recorder.recording import RecorderStatus
+from command_post.recorder.backlog import RecorderStatus
 from command_post.roster import Roster
 from shared.bus.loopback import free_ports
 from shared.codec import encode

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 
@@ -17,6 +18,8 @@ from command_post.recorder.parts import RecordingSet, Rotation
 from command_post.recorder.recording import RecordedIncident, Recorder
 from command_post.replay import replay
 from command_post.resuming.checkpoint import Checkpoints
+from command_post.resuming.gist import Gist
+from command_post.resuming.taking_up import TakingUp
 from command_post.roster import Roster
 from shared.bus.interface import Bus, Received
 from shared.bus.memory import MemoryNetwork
@@ -113,7 +116,9 @@ def serving(
             checkpoints=checkpoints(recorder),
         )  # fmt: skip
         if recorder.unfinished is not None:
-            post.take_up(read_recording(recorder.unfinished), None)
+            recording, gist = read_recording(recorder.unfinished), Gist()
+            gist.read(recording)
+            post.take_up(TakingUp(recording, gist, (), partial(Incident, SETTINGS)))
         alive: set[str] = set()
         other.watch_alive(alive_key("fire", "post", "p"), lambda name, _: alive.add(name))
         thread = Thread(target=post.serve, args=(stop,))

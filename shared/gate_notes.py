@@ -1,0 +1,58 @@
+"""What a gate knows of what has come, as plain data that any version can read (pure)."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import msgspec
+
+from shared.gate import JournalRun, LiveRuns, Remembered
+from shared.received_numbers import Hole, ReceivedNumbers
+from shared.topics import Role
+
+
+class JournalNotes(msgspec.Struct, array_like=True, frozen=True):
+    """Of a journal's run: all up to ``highest`` have come but ``holes``; ``gone`` never will."""
+
+    role: Role
+    node_id: str
+    run: bytes
+    highest: int
+    holes: list[Hole]
+    gone: int
+
+
+class LiveNotes(msgspec.Struct, array_like=True, frozen=True):
+    """Of a key that is in no journal: the run it is in, its last number, the runs it has left."""
+
+    key: str
+    run: bytes
+    number: int
+    past: list[bytes]
+
+
+class GateNotes(msgspec.Struct, array_like=True, frozen=True):
+    """All that a gate remembers."""
+
+    journals: list[JournalNotes]
+    live: list[LiveNotes]
+
+
+def noted(remembered: Remembered) -> GateNotes:
+    """Return notes of what is ``remembered``, which may go on changing."""
+    journals = [
+        JournalNotes(*journal, numbers.highest, list(numbers.holes()), remembered.gone[journal])
+        for journal, numbers in remembered.journals.items()
+    ]
+    live = [LiveNotes(key, of.run, of.number, of.past) for key, of in remembered.live.items()]
+    return GateNotes(journals, live)
+
+
+def recalled(notes: GateNotes) -> Remembered:
+    """Return what was noted, for a gate of its own."""
+    journals = {JournalRun(each.role, each.node_id, each.run): each for each in notes.journals}
+    return Remembered(
+        {run: ReceivedNumbers.of_holes(of.highest, of.holes) for run, of in journals.items()},
+        {of.key: LiveRuns(of.run, of.number, of.past) for of in notes.live},
+        Counter({run: of.gone for run, of in journals.items() if of.gone}),
+    )
