@@ -20,7 +20,7 @@ MOST_RUNS = 16_384
 """Runs that are remembered, of all nodes together."""
 
 MOST_LIVE_RUNS = 64
-"""Runs of one key that are remembered as past, where nothing is journalled."""
+"""Runs of one key that are remembered, where nothing is journalled."""
 
 MOST_TURNED = 16_384
 """Reasons and nodes that are counted apart; what is beyond counts under ``UNNAMED``."""
@@ -212,24 +212,23 @@ class Gate:
 
 
 class _LiveRuns:
-    """What is kept nowhere: within a run its numbers rise, and a run once left is past."""
+    """What is kept nowhere: within each run its numbers rise.
+
+    Two who go by one name, by mistake, speak in turns. So a run that another came after is gone on
+    with by what is newer: who of them stays is heard.
+    """
 
     def __init__(self) -> None:
-        self._run = b""
-        self._number = 0
-        self._past: dict[bytes, None] = {}
+        self._numbers: dict[bytes, int] = {}
+        """The newest number of each run, those that were heard last at the end."""
 
     def take(self, seal: Seal) -> Turned | None:
         """Take a number; return why it is turned away, if it is."""
-        if seal.run != self._run:
-            if seal.run in self._past:
-                return "replayed"
-            if self._run:
-                self._past[self._run] = None
-            if len(self._past) > MOST_LIVE_RUNS:
-                del self._past[next(iter(self._past))]
-            self._run, self._number = seal.run, 0
-        if seal.number <= self._number:
-            return "repeated" if seal.number == self._number else "replayed"
-        self._number = seal.number
+        newest = self._numbers.get(seal.run, 0)
+        if seal.number <= newest:
+            return "repeated" if seal.number == newest else "replayed"
+        self._numbers.pop(seal.run, None)
+        self._numbers[seal.run] = seal.number
+        if len(self._numbers) > MOST_LIVE_RUNS:
+            del self._numbers[next(iter(self._numbers))]
         return None
