@@ -27,7 +27,7 @@ from command_post.metrics.prometheus import Metrics
 from command_post.nodes.freshness import NodeWatch
 from command_post.nodes.notice_log import log_notices
 from command_post.nodes.safekeeping import Safekeeping
-from command_post.nodes.strangers import stranger_message
+from command_post.nodes.strangers import stranger_message, twin_remarks
 from command_post.post_clock import PostClock
 from command_post.reception import Reception
 from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
@@ -262,7 +262,8 @@ class Post:
         fault = self._recorder.status().fault
         of_recorder = () if fault is None else (fault,)
         failed = (*self._incident.remarks(now_ns), *self._going_on.remarks)
-        remarks = (*self._remarks, *of_recorder, *failed)
+        twins = twin_remarks(self._at_links, self._incident)
+        remarks = (*self._remarks, *of_recorder, *twins, *failed)
         return roster._replace(remarks=remarks)
 
     def _tell_figures(self) -> None:
