@@ -176,7 +176,6 @@ def leave(code: int) -> NoReturn:
     many seconds on a machine that is busy, and would wait for threads that a link holds which
     answers nobody.
     """
-    logging.shutdown()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
