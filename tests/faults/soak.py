@@ -32,6 +32,7 @@ from shared.bus.loopback import free_ports
 from shared.process import ExitCode
 from shared.recording_parts import files_of
 from tests.bus.test_zenoh import free_endpoint
+from tests.waiting import wait_for
 
 SAMPLES = 240
 HORIZON_MIN, LATENESS_MIN, PART_H = 40.0, 60.0, 1.0
@@ -44,6 +45,7 @@ MOST_GROWTH = 0.01
 MOST_WAITING = 2000
 """Messages: with more the post does not keep up."""
 
+STARTED_S = 300.0
 SETTLED_S = 15.0
 """A process that has just started still grows into its work."""
 
@@ -103,12 +105,19 @@ class Nodes:
                       str(self._strides * self._speed))  # fmt: skip
 
     def waiting(self) -> int:
-        """Return how many messages the post has not got to; 0 before it says so."""
+        """Return how many messages the post has not got to; 0 where it does not say so."""
+        return self._waiting() or 0
+
+    def is_up(self) -> bool:
+        """Say whether the post is at work."""
+        return self._waiting() is not None
+
+    def _waiting(self) -> int | None:
         with suppress(OSError), urlopen(f"http://{self._metrics}/metrics", timeout=5.0) as told:
             for line in told.read().decode().splitlines():
                 if line.startswith("clew_inbox_messages "):
                     return round(float(line.split()[1]))
-        return 0
+        return None
 
     def receive_visitor(self) -> None:
         """Have the visitor come if they are not here."""
@@ -151,6 +160,7 @@ def soak(folder: Path, hours: float, speed: float, strides: float) -> bool:
     most_waiting = 0
     nodes = Nodes(folder, speed, strides)
     nodes.start()
+    wait_for(nodes.is_up, "the post to be there", STARTED_S)
     began_s = time.monotonic()
     while (since_s := time.monotonic() - began_s) < real_s and not nodes.ended():
         nodes.receive_visitor()
