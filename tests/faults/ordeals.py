@@ -56,7 +56,7 @@ class Outcome(NamedTuple):
 
 def kills(folder: Path, times: int, seed: int = 1, lives_s: float = 3.0) -> Outcome:
     """Kill agent, DAP and post, in turn and together, ``times`` times."""
-    site = Deployment(folder, ["dap1", "dap2"], ["r1", "r2"], walk_s=60.0 + 10.0 * lives_s * times)
+    site = Deployment(folder, ["dap1", "dap2"], ["r1", "r2"])
     programs = programs_of(site)
     chance = random.Random(seed)  # noqa: S311
     everybody = [program.name for program in programs]

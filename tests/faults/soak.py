@@ -187,7 +187,7 @@ def soak(folder: Path, hours: float, speed: float, strides: float) -> bool:
     risen_mb = {name: each._asdict() for name, each in risen.items()}
     said = {"grown": growth, "since_full": risen_mb, "flat": is_flat, "recorded_mb": recorded_mb}
     _tell({**said, "most_waiting": most_waiting, "ended_early": ended, "exit_codes": codes})
-    if codes[VISITOR] == ExitCode.INTERRUPTED:
+    if codes.get(VISITOR) == ExitCode.INTERRUPTED:
         # They were only just coming.
         del codes[VISITOR]
     return most_waiting <= MOST_WAITING and is_flat and not ended and not any(codes.values())
