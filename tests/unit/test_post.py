@@ -12,11 +12,12 @@ import pytest
 from msgspec import structs
 
 from command_post.commands.scoring import read_evidence
+from command_post.desks.announcer import Outgoing
 from command_post.incident import Incident, IncidentSettings
 from command_post.last_messages import LastMessages
 from command_post.post import Post
 from command_post.recorder.parts import RecordingSet, Rotation
-from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
+from command_post.recorder.recording import RecordedIncident, Recorder
 from command_post.replay import replay
 from command_post.resuming.checkpoint import Checkpoints
 from command_post.roster import Roster
