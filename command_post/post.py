@@ -22,12 +22,13 @@ from command_post.desks.orders import OrderRepeats
 from command_post.desks.site_desk import SiteDesk
 from command_post.going_on import GoingOn, Guest, Guests
 from command_post.incident import Incident
+from command_post.last_messages import LastMessages
 from command_post.metrics.figures import Figures, by_reason
 from command_post.metrics.prometheus import Metrics
 from command_post.nodes.freshness import NodeWatch
 from command_post.nodes.notice_log import log_notices
 from command_post.nodes.safekeeping import Safekeeping
-from command_post.nodes.strangers import stranger_message
+from command_post.nodes.strangers import stranger_message, twin_remarks
 from command_post.post_clock import PostClock
 from command_post.reception import Reception
 from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
@@ -59,9 +60,6 @@ INBOX_MESSAGES = 200_000
 INBOX_BYTES = 64 << 20
 MOST_AT_ONCE = 256
 """Messages that are handled before anybody else's are looked for."""
-
-LAST_MESSAGES_S = 0.5
-"""What is still heard when the post stops is handled for so long, then it is too late."""
 
 MOST_WAITING = 5_000
 """With so many messages in the inbox, no missing ones are asked for."""
@@ -187,9 +185,10 @@ class Post:
             thread.start()
         next_show_s = time.monotonic()
         self._publish(self._to_say_again)
+        last = LastMessages(stop)
         while not stop.is_set():
             heard = self._inbox.get_some(MOST_AT_ONCE, self._until_due_s())
-            self._handle_all(heard)
+            self._handle_all(heard, last)
             if not heard:
                 self._pass_time()
             self._heed_guests()
@@ -208,9 +207,8 @@ class Post:
                 # What is kept is kept for good: going through it for cycles would stall a crowd.
                 gc.freeze()
         self._bus.ask_no_more()
-        latest_s = time.monotonic() + LAST_MESSAGES_S
-        while len(self._inbox) and time.monotonic() < latest_s:
-            self._handle_all(self._inbox.get_some(MOST_AT_ONCE))
+        while len(self._inbox) and not last.is_over:
+            self._handle_all(self._inbox.get_some(MOST_AT_ONCE), last)
         ended_ns = self._clock.now_ns()
         self._publish(self._recorded.finish(ended_ns))
         with self._going_on.survived("showing the roster"):
@@ -218,7 +216,7 @@ class Post:
         for thread in at_work:
             thread.join()
         _log.info("refill", counts=dict(collector.counts))
-        self._tell_losses()
+        self._tell_losses(last.unhandled)
 
     def roster(self, now_ns: int) -> Roster:
         """Return who is where at ``now_ns`` of the post's clock."""
@@ -230,8 +228,8 @@ class Post:
         fault = self._recorder.status().fault
         of_recorder = () if fault is None else (fault,)
         failed = (*self._incident.remarks(now_ns), *self._going_on.remarks)
-        remarks = (*self._remarks, *of_recorder, *failed)
-        return roster._replace(remarks=remarks)
+        twins = twin_remarks(self._at_links, self._incident)
+        return roster._replace(remarks=(*self._remarks, *of_recorder, *twins, *failed))
 
     def _tell_figures(self) -> None:
         roster = self.roster(self._clock.now_ns())
@@ -295,11 +293,12 @@ class Post:
             self._publish(self._recorded.pass_time(now_ns))
             self._note_work(time.perf_counter() - began_s)
 
-    def _handle_all(self, messages: Sequence[_Heard]) -> None:
+    def _handle_all(self, messages: Sequence[_Heard], last: LastMessages) -> None:
         # They were taken of each sender in turn.
         for key, payload, came_ns in sorted(messages, key=lambda each: each.came_ns):
             received = Received(key, payload)
-            if not self._lets_in(received):
+            last.unhandled += last.is_over
+            if last.is_over or not self._lets_in(received):
                 continue
             self._clock.heed(key, payload)
             refused = self._incident.refused
@@ -357,11 +356,11 @@ class Post:
         if table.sequence == 0:
             self._publish(self._recorded.handle(*said, self._clock.handled_at_ns(now_ns)))
 
-    def _tell_losses(self) -> None:
+    def _tell_losses(self, unhandled: int) -> None:
         refused = Counter[tuple[str, str]](self._incident.refusals)
         refused.update(self._gate.turned)
         for (reason, node_id), count in sorted(refused.items()):
             _log.warning("refused in all", reason=reason, node_id=node_id, count=count)
         for what, count in sorted(self._incident.counts.items()):
             _log.info("fusion", what=what, count=count)
-        self._reception.tell_losses()
+        self._reception.tell_losses(unhandled)

@@ -41,11 +41,12 @@ class PostClock(PacedClock):
     def handled_at_ns(self, came_ns: int) -> int:
         """Return as of when to handle what came then: not before time was said to have passed.
 
-        So it is for the first message after the clock was set back as well: a replay is told by it
-        until when all was fused before.
+        So it is for what had to wait for its sender's turn, and for the first message after the
+        clock was set back as well: a replay is told by that until when all was fused before.
         """
         handled_ns = max(came_ns, self.passed_ns)
-        self.passed_ns = came_ns if handled_ns - came_ns > SET_BACK_NS else handled_ns
+        is_set_back = handled_ns - self.now_ns() > SET_BACK_NS
+        self.passed_ns = came_ns if is_set_back else handled_ns
         return handled_ns
 
     def heed(self, key: str, payload: bytes) -> None:

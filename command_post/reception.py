@@ -84,14 +84,14 @@ class Reception:
             useless[sender] += count
         return useless
 
-    def tell_losses(self) -> None:
-        """Log what was not let in, and what was not even looked at."""
+    def tell_losses(self, unhandled: int = 0) -> None:
+        """Log what was not let in, and what was not even looked at: ``unhandled``, and more."""
         for sender, count in sorted(self.only_counted.items()):
             _log.warning("of no use, and not recorded", sender=sender, count=count)
         for (why, sender), count in sorted(self._inbox.lost().items()):
             _log.error("the post did not hear all", why=why, sender=sender, count=count)
-        if len(self._inbox):
-            _log.warning("heard too late to be handled", count=len(self._inbox))
+        if late := unhandled + len(self._inbox):
+            _log.warning("heard too late to be handled", count=late)
 
     @property
     def only_counted(self) -> Counter[str]:

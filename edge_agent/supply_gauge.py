@@ -14,6 +14,7 @@ import structlog
 
 from shared.battery import POWER_SUPPLIES, read_battery
 from shared.messages import Supplies
+from shared.units import NS_PER_S
 
 LOOK_PERIOD_S = 5.0
 STALE_S = 60.0
@@ -32,6 +33,8 @@ class SupplyGauge:
         self._told = told
         self._power = power
         self._due_s = 0.0
+        self._mtime_ns: int | None = None
+        self._written_s = 0.0
         self._known: Supplies | None = None
         self._complaint = ""
 
@@ -48,7 +51,7 @@ class SupplyGauge:
         if self._told is None:
             return None
         try:
-            age_s = time.time() - self._told.stat().st_mtime
+            age_s = self._age_s(self._told.stat().st_mtime_ns)
             with self._told.open("rb") as stream:
                 told = msgspec.json.decode(stream.read(MOST_BYTES), type=Supplies)
         except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
@@ -56,6 +59,15 @@ class SupplyGauge:
             return None
         self._complain(f"not written for {age_s:.0f} s" if age_s > STALE_S else "")
         return told if age_s <= STALE_S else None
+
+    def _age_s(self, mtime_ns: int) -> float:
+        """Return how long ago the file was written: of what is written anew no clock tells."""
+        now_s = time.monotonic()
+        if mtime_ns != self._mtime_ns:
+            is_new = self._mtime_ns is not None
+            self._written_s = now_s - (0.0 if is_new else time.time() - mtime_ns / NS_PER_S)
+            self._mtime_ns = mtime_ns
+        return now_s - self._written_s
 
     def _complain(self, why: str) -> None:
         kind = why[:20]

@@ -7,7 +7,7 @@ at an agent before an order is heeded. Whoever refills what was missed asks here
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from shared.codec import MAX_PAYLOAD_BYTES, Refusal, decode, parse_key
@@ -20,7 +20,7 @@ MOST_RUNS = 16_384
 """Runs that are remembered, of all nodes together."""
 
 MOST_LIVE_RUNS = 64
-"""Runs of one key that are remembered as past, where nothing is journalled."""
+"""Runs of one key that are remembered, where nothing is journalled."""
 
 MOST_TURNED = 16_384
 """Reasons and nodes that are counted apart; what is beyond counts under ``UNNAMED``."""
@@ -212,29 +212,27 @@ class Gate:
 
 
 class LiveRuns:
-    """What is kept nowhere: within a run its numbers rise, and a run once left is past."""
+    """What is kept nowhere: within each run its numbers rise.
 
-    def __init__(self, run: bytes = b"", number: int = 0, past: Sequence[bytes] = ()) -> None:
-        self.run = run
-        self.number = number
-        self._past = dict.fromkeys(past)
+    Two who go by one name, by mistake, speak in turns. So a run that another came after is gone on
+    with by what is newer: who of them stays is heard.
+    """
+
+    def __init__(self, numbers: Iterable[tuple[bytes, int]] = ()) -> None:
+        self._numbers = dict(numbers)
 
     @property
-    def past(self) -> list[bytes]:
-        """The runs that were left, in that order."""
-        return list(self._past)
+    def numbers(self) -> list[tuple[bytes, int]]:
+        """The newest number of each run, those that were heard last at the end."""
+        return list(self._numbers.items())
 
     def take(self, seal: Seal) -> Turned | None:
         """Take a number; return why it is turned away, if it is."""
-        if seal.run != self.run:
-            if seal.run in self._past:
-                return "replayed"
-            if self.run:
-                self._past[self.run] = None
-            if len(self._past) > MOST_LIVE_RUNS:
-                del self._past[next(iter(self._past))]
-            self.run, self.number = seal.run, 0
-        if seal.number <= self.number:
-            return "repeated" if seal.number == self.number else "replayed"
-        self.number = seal.number
+        newest = self._numbers.get(seal.run, 0)
+        if seal.number <= newest:
+            return "repeated" if seal.number == newest else "replayed"
+        self._numbers.pop(seal.run, None)
+        self._numbers[seal.run] = seal.number
+        if len(self._numbers) > MOST_LIVE_RUNS:
+            del self._numbers[next(iter(self._numbers))]
         return None

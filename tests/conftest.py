@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,9 +36,9 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _stay() -> Iterator[None]:
-    """Have a program that a test runs in this process not end the process for a thread's sake."""
+    """Have a program that a test runs in this process raise ``SystemExit`` at its end."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("shared.process.NOT_WAITED_FOR", frozenset())
+        patch.setattr("shared.process.end_process", sys.exit)
         yield
 
 

@@ -28,7 +28,7 @@ from command_post.web.page import Page
 from command_post.web.people import Door
 from command_post.web.pipe import Serving, Telling, read, write
 from command_post.web.serving import InTurn, serving_on
-from shared.process import configure_logging
+from shared.process import configure_logging, leave
 
 ASKED_S = 0.2
 """Whoever passes on what is asked looks so often whether it is to end."""
@@ -130,4 +130,4 @@ def _at_it(
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

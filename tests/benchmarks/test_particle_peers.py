@@ -127,7 +127,7 @@ def stone_soup() -> Method:
     for module in ("state", "detection", "hypothesis"):
         pytest.importorskip(f"stonesoup.types.{module}")
     told = strides()
-    stride_s, began = timedelta(seconds=1), datetime(2026, 1, 1)
+    stride_s, began = timedelta(seconds=1), datetime(2026, 1, 1)  # noqa: DTZ001 - as Stone Soup has it
 
     def number(at: datetime) -> int:
         return (at - began) // stride_s - 1

@@ -184,6 +184,27 @@ def test_a_client_leaves_a_router_that_falls_silent(
         wait_for(lambda: alive and alive[-1] == ("clew/agent", True), "the token to stay")
 
 
+@pytest.mark.parametrize("lost", [0, 1])
+def test_a_ring_of_routers_that_loses_a_link(
+    opened: ExitStack, monkeypatch: pytest.MonkeyPatch, lost: int
+) -> None:
+    """Whichever falls silent, who is behind it is heard the other way round."""
+    monkeypatch.setattr("shared.bus.zenoh_settings.LEASE_MS", 400)
+    post = opened.enter_context(open_zenoh("router", listen=["tcp/127.0.0.1:0"]))
+    relays = [opened.enter_context(Relay(port_of(post.locators()[0]))) for _ in range(2)]
+    ends = [free_endpoint() for _ in relays]
+    for relay, end in zip(relays, ends, strict=True):
+        dialled = [f"tcp/127.0.0.1:{relay.port}"]
+        dap = opened.enter_context(open_zenoh("router", connect=dialled, listen=[end]))
+        settle(dap, post)
+    far = opened.enter_context(open_zenoh("router", connect=ends, listen=["tcp/127.0.0.1:0"]))
+    agent = opened.enter_context(open_zenoh("client", connect=far.locators()))
+    settle(agent, post)
+    relays[lost].stall()
+    settle(agent, post)
+    settle(post, agent)
+
+
 def test_a_dead_link_is_found_and_does_not_hold_the_close(opened: ExitStack) -> None:
     router = opened.enter_context(open_zenoh("router", listen=["tcp/127.0.0.1:0"]))
     relay = opened.enter_context(Relay(port_of(router.locators()[0])))

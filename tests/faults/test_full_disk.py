@@ -2,42 +2,28 @@
 
 from __future__ import annotations
 
-import os
 import random
 import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from command_post.recorder.recording import Recorder
 from shared.mcap_reader import read_recording
+from tests.faults.small_disk import small_disk, why_no_disk
 from tests.waiting import wait_for
 
 DISK_BYTES = 1 << 20
-
-
-@contextmanager
-def small_disk(folder: Path) -> Iterator[Path]:
-    """Mount a disk of a megabyte in memory."""
-    if sys.platform != "linux" or os.geteuid() != 0:
-        pytest.skip("a disk of its own can be mounted by root, on Linux")
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "tmpfs", str(folder)]
-    done = subprocess.run(mount, capture_output=True, check=False)
-    if done.returncode != 0:
-        pytest.skip(f"no disk can be mounted here: {done.stderr.decode().strip()}")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", "--lazy", str(folder)], check=True)
+NO_DISK = why_no_disk()
 
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    with small_disk(tmp_path) as folder:
-        yield folder
+    if NO_DISK is not None:
+        pytest.skip(NO_DISK)
+    with small_disk(tmp_path, DISK_BYTES):
+        yield tmp_path
 
 
 def noise(count: int) -> list[bytes]:

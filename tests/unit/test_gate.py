@@ -63,9 +63,16 @@ def test_a_beat_tells_what_is_missing_and_what_is_gone() -> None:
 
 def test_what_is_not_kept_must_not_be_said_again() -> None:
     gate = Gate()
-    said = [(RUN, 1), (RUN, 2), (RUN, 1), (RUN, 2), (LATER_RUN, 1), (RUN, 3), (LATER_RUN, 2)]
+    said = [(RUN, 1), (RUN, 2), (RUN, 1), (RUN, 2), (LATER_RUN, 1), (RUN, 1), (LATER_RUN, 2)]
     came = [gate.admit(HEALTH, sealed(health(), run, number)) for run, number in said]
     assert came == [None, None, "replayed", "repeated", None, "replayed", None]
+
+
+def test_of_two_by_one_name_who_stays_is_heard_and_nothing_again() -> None:
+    gate = Gate()
+    said = [(RUN, 1), (LATER_RUN, 1), (RUN, 2), (LATER_RUN, 1), (RUN, 1), (RUN, 2), (RUN, 3)]
+    came = [gate.admit(HEALTH, sealed(health(), run, number)) for run, number in said]
+    assert came == [None, None, None, "repeated", "replayed", "repeated", None]
 
 
 class _Knows:

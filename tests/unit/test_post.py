@@ -12,7 +12,9 @@ import pytest
 from msgspec import structs
 
 from command_post.commands.scoring import read_evidence
+from command_post.desks.announcer import Outgoing
 from command_post.incident import Incident, IncidentSettings
+from command_post.last_messages import LastMessages
 from command_post.post import Post
 from command_post.recorder.parts import RecordingSet, Rotation
 from command_post.recorder.recording import RecordedIncident, Recorder
@@ -221,6 +223,39 @@ def test_what_a_stranger_says_under_the_posts_own_keys_is_refused_evidence(tmp_p
     assert len(recorded) == 3
     (estimates,) = read_evidence(path).tracks("live").values()
     assert estimates.position_m[:, 0].max() < 100.0
+
+
+def test_a_post_that_is_to_stop_does_not_handle_all_that_it_took(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, stop, handled = tmp_path / "a.mcap", Event(), list[str]()
+
+    class Asked(Incident):
+        """Is asked to stop as it handles its first message."""
+
+        def handle(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
+            handled.append(key)
+            stop.set()
+            return super().handle(key, payload, now_ns)
+
+    monkeypatch.setattr("command_post.post.LastMessages", partial(LastMessages, lasts_s=0.0))
+    network = MemoryNetwork()
+    with network.connect() as bus, network.connect() as other, Recorder(path, {}) as recorder:
+        post = Post(
+            bus, Asked(SETTINGS), recorder, ManualClock(NOW_NS),
+            follows_exercise=False, show=lambda _: None,
+        )  # fmt: skip
+        thread = Thread(target=post.serve, args=(stop,))
+        thread.start()
+
+        def say() -> bool:
+            other.publish(key("increment"), stride(0))
+            return bool(handled)
+
+        wait_for(say, "the first message")
+        thread.join()
+    assert len(handled) == 1
+    assert recorded_keys(path).count("responder/r1/increment") == 1
 
 
 @pytest.mark.parametrize("follows", [False, True])

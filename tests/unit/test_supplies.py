@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from pathlib import Path
 
 import pytest
@@ -146,3 +148,26 @@ def test_a_file_tells_what_the_machine_does_not(tmp_path: Path) -> None:
     told.write_text('{"air_bar": -3}')
     assert SupplyGauge(told, tmp_path / "power")() == Supplies(battery=0.83)
     assert SupplyGauge(told, tmp_path / "none")() is None
+
+
+def test_a_file_counts_as_long_as_it_is_written_anew_however_the_clock_is_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = tmp_path / "air.json"
+    gauge = SupplyGauge(told, tmp_path / "none")
+    begun_s, really = time.monotonic(), time.time
+
+    def known_after(seconds: float, *, written: bool) -> Supplies | None:
+        monkeypatch.setattr("edge_agent.supply_gauge.time.monotonic", lambda: begun_s + seconds)
+        if written:
+            told.write_text('{"air_bar": 182}')
+            os.utime(told, ns=(0, round(seconds)))
+        return gauge()
+
+    told.write_text('{"air_bar": 182}')
+    assert gauge() == Supplies(air_bar=182.0)
+    monkeypatch.setattr("edge_agent.supply_gauge.time.time", lambda: really() + 10_800.0)
+    assert known_after(30.0, written=False) == Supplies(air_bar=182.0)
+    assert known_after(80.0, written=True) == Supplies(air_bar=182.0)
+    monkeypatch.setattr("edge_agent.supply_gauge.time.time", lambda: really() - 10_800.0)
+    assert known_after(150.0, written=False) is None
