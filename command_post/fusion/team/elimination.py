@@ -56,23 +56,31 @@ def _eliminate(graph: Graph, chain: int, system: System) -> None:
     head_right[:] = 0.0
     share = np.empty((3, end - first))
     node, link, inverse, right = system.node, system.link, system.inverse, system.right
-    wing = wing_of(graph, system, graph.first[chain])
+    wings, wing_at = system.wing, system.wing_at
+    wing = wing_of(wings, wing_at, graph.first[chain])
     for a in range(graph.first[chain], graph.first[chain + 1]):
         _invert_block(node, a, inverse)
         times_inverse(inverse, a, wing, share)
-        y = _solved(inverse, a, right)
-        _leave(wing, share, y, head, head_right)
+        y0, y1, y2 = _solved(inverse, a, right)
+        for row in range(wing.shape[1]):
+            w0, w1, w2 = wing[0, row], wing[1, row], wing[2, row]
+            head_right[row] -= w0 * y0 + w1 * y1 + w2 * y2
+            for column in range(row + 1):
+                head[row, column] -= (
+                    w0 * share[0, column] + w1 * share[1, column] + w2 * share[2, column]
+                )
         if a + 1 < graph.first[chain + 1]:
-            _carry_node(node, link, inverse, right, a, y)
-            onward = wing_of(graph, system, a + 1)
+            _carry_node(node, link, inverse, right, a, (y0, y1, y2))
+            onward = wing_of(wings, wing_at, a + 1)
             _carry_wing(link, a, share, wing.shape[1], onward)
             wing = onward
 
 
 @compiled
-def wing_of(graph: Graph, system: System, a: int) -> Floats:
+def wing_of(wing: Floats, wing_at: Ints, a: int) -> Floats:
     """Return what a node has to do with the arrow: a view (3, width)."""
-    return system.wing[system.wing_at[a] : system.wing_at[a + 1]].reshape(3, graph.width[a])
+    first, end = wing_at[a], wing_at[a + 1]
+    return wing[first:end].reshape(3, (end - first) // 3)
 
 
 @compiled
@@ -104,13 +112,10 @@ def determinant(block: Floats) -> float:
 @compiled
 def times_inverse(inverse: Floats, a: int, wing: Floats, share: Floats) -> None:
     """Write a node's inverse times its wing (3, width) into the first columns of ``share``."""
-    i00, i01, i02 = inverse[a, 0, 0], inverse[a, 0, 1], inverse[a, 0, 2]
-    i11, i12, i22 = inverse[a, 1, 1], inverse[a, 1, 2], inverse[a, 2, 2]
-    for column in range(wing.shape[1]):
-        w0, w1, w2 = wing[0, column], wing[1, column], wing[2, column]
-        share[0, column] = i00 * w0 + i01 * w1 + i02 * w2
-        share[1, column] = i01 * w0 + i11 * w1 + i12 * w2
-        share[2, column] = i02 * w0 + i12 * w1 + i22 * w2
+    for row in range(3):
+        i0, i1, i2 = inverse[a, row, 0], inverse[a, row, 1], inverse[a, row, 2]
+        for column in range(wing.shape[1]):
+            share[row, column] = i0 * wing[0, column] + i1 * wing[1, column] + i2 * wing[2, column]
 
 
 @compiled
@@ -122,19 +127,6 @@ def _solved(inverse: Floats, a: int, right: Floats) -> Three:
         inverse[a, 1, 0] * r0 + inverse[a, 1, 1] * r1 + inverse[a, 1, 2] * r2,
         inverse[a, 2, 0] * r0 + inverse[a, 2, 1] * r1 + inverse[a, 2, 2] * r2,
     )
-
-
-@compiled
-def _leave(wing: Floats, share: Floats, y: Three, head: Floats, head_right: Floats) -> None:
-    """Take what a node says by itself of the arrow out of the chain's head."""
-    y0, y1, y2 = y
-    for row in range(wing.shape[1]):
-        w0, w1, w2 = wing[0, row], wing[1, row], wing[2, row]
-        head_right[row] -= w0 * y0 + w1 * y1 + w2 * y2
-        for column in range(row + 1):
-            head[row, column] -= (
-                w0 * share[0, column] + w1 * share[1, column] + w2 * share[2, column]
-            )
 
 
 @compiled
@@ -188,11 +180,17 @@ def _go_back(
     graph: Graph, system: System, chain: int, arrow_change: Floats, change: Floats
 ) -> None:
     """Write a chain's rows of ``change`` (n, 3), from its last node to its first."""
-    link, inverse = system.link, system.inverse
+    link, inverse, right = system.link, system.inverse, system.right
+    wings, wing_at = system.wing, system.wing_at
     end = graph.first[chain + 1]
     for a in range(end - 1, graph.first[chain] - 1, -1):
-        wing = wing_of(graph, system, a)
-        rest0, rest1, rest2 = _less_wing(system.right, a, wing, arrow_change)
+        wing = wing_of(wings, wing_at, a)
+        # Three sums at once: each alone would wait for its last term at every one.
+        rest0, rest1, rest2 = right[a, 0], right[a, 1], right[a, 2]
+        for column in range(wing.shape[1]):
+            rest0 -= wing[0, column] * arrow_change[column]
+            rest1 -= wing[1, column] * arrow_change[column]
+            rest2 -= wing[2, column] * arrow_change[column]
         if a + 1 < end:
             for k in range(3):
                 rest0 -= link[a, 0, k] * change[a + 1, k]
@@ -201,15 +199,3 @@ def _go_back(
         for row in range(3):
             i0, i1, i2 = inverse[a, row, 0], inverse[a, row, 1], inverse[a, row, 2]
             change[a, row] = i0 * rest0 + i1 * rest1 + i2 * rest2
-
-
-@compiled
-def _less_wing(right: Floats, a: int, wing: Floats, arrow_change: Floats) -> Three:
-    """Return a node's right side less its wing times the arrow's change."""
-    # Three sums at once: each alone would wait for its last term at every one.
-    rest0, rest1, rest2 = right[a, 0], right[a, 1], right[a, 2]
-    for column in range(wing.shape[1]):
-        rest0 -= wing[0, column] * arrow_change[column]
-        rest1 -= wing[1, column] * arrow_change[column]
-        rest2 -= wing[2, column] * arrow_change[column]
-    return rest0, rest1, rest2

@@ -54,7 +54,7 @@ def marginals(graph: Graph, system: System, shared: Floats, which: int) -> Float
         )  # fmt: skip
         last = start if which == EVERY_NODE else end - 1
         for a in range(end - 1, last - 1, -1):
-            wing = wing_of(graph, system, a)
+            wing = wing_of(system.wing, system.wing_at, a)
             times_inverse(system.inverse, a, wing, room.g)
             _minus_times(room.g, own, wing.shape[1], room.to_arrow)
             _go_back(system.inverse, system.link, a, wing.shape[1], room)
