@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, requires, version
 
 from command_post.doctor.finding import Finding, fault, ok, warning
-from command_post.fusion.team.elimination import eliminate
+from command_post.fusion.team.elimination import reduce_to_arrow
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import PacedClock, SystemClock
 from shared.compiled import is_kept
@@ -95,7 +95,7 @@ def check_packages() -> Iterator[Finding]:
 
 def check_machine_code() -> Finding:
     """Return whether the post would have to build machine code when it starts."""
-    if is_kept(eliminate):
+    if is_kept(reduce_to_arrow):
         return ok("machine code", "built")
     return warning(
         "machine code", "not built: the first start takes a minute", "'command-post prepare'"

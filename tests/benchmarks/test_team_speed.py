@@ -9,8 +9,8 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from command_post.fusion.team.assembly import AS_TOLD, AxisBelief, assemble
-from command_post.fusion.team.elimination import EVERY_NODE
 from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.marginals import EVERY_NODE
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoother import smooth
 from command_post.fusion.team.solution import NOTHING, begin_from

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from command_post.fusion.team.elimination import ENDS_ONLY, EVERY_NODE, NO_COVARIANCE
 from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
+from command_post.fusion.team.marginals import ENDS_ONLY, EVERY_NODE, NO_COVARIANCE
 from command_post.fusion.team.smoother import log_determinant, smooth
 from command_post.fusion.team.smoother_plain import smooth_plainly
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from command_post.fusion.team.assembly import UNKNOWN_SD_M, Assembled
-from command_post.fusion.team.elimination import NO_COVARIANCE
 from command_post.fusion.team.graph import AXIS, FIRST_UNIT, LEAD, Graph, with_columns
 from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.marginals import NO_COVARIANCE
 from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import Solution

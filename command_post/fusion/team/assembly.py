@@ -22,7 +22,7 @@ from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.ties import PlaceId, Tie, asides_m2, level_sd_m, ties_of
+from command_post.fusion.team.ties import PlaceId, Ties, asides_m2, level_sd_m, ties_of
 from shared.units import NS_PER_S
 
 UNKNOWN_SD_M = 1000.0
@@ -116,10 +116,9 @@ def assemble(
     if not chains:
         return None
     ties, known = ties_of(log, chains, until_ns, settings)
-    ties = [
-        tie._replace(sd_m=noise.passes * tie.sd_m) if tie.dof and tie.place[0] == "dap" else tie
-        for tie in ties
-    ]
+    is_dap = np.array([place[0] == "dap" for place in ties.place], np.bool_)
+    wider = np.where(is_dap & (ties.dof > 0.0), noise.passes, 1.0)
+    ties = ties._replace(sd_m=wider * ties.sd_m)
     fixes = _fixes(log, chains, until_ns, settings)
     asides = asides_m2(ties, known, settings)
     held = {
@@ -166,37 +165,47 @@ def _fixes(
 
 def _build(
     chains: list[Chain],
-    ties: list[Tie],
+    ties: Ties,
     known: Mapping[PlaceId, tuple[float, float, float]],
     fixes: list[_FixRow],
     belief: AxisBelief,
     noise: Noise,
     settings: TeamSettings,
 ) -> Assembled:
-    nodes, first = _nodes(chains, ties, fixes, settings)
-    begins = [
+    places = sorted(set(ties.place) | known.keys())
+    number = {place: at for at, place in enumerate(places)}
+    place = np.array([number[each] for each in ties.place], np.int64)
+    order = np.lexsort((ties.sd_m, place, ties.stance, ties.chain))
+    ties, place = ties.ordered(order), place[order]
+    of_fix = np.array([(fix.chain, fix.stance) for fix in fixes], np.int64).reshape(-1, 2).T
+    nodes, first = _nodes(chains, (ties.chain, ties.stance), (of_fix[0], of_fix[1]), settings)
+    begins = np.array([
         (index, chain.begin_of(unit))
         for index, chain in enumerate(chains)
         for unit in range(len(chain.starts))
-    ]
+    ], np.int64).T  # fmt: skip
     starts = [start for chain in chains for start in chain.starts]
-    unit_first = np.concatenate([[0], np.cumsum([len(chain.starts) for chain in chains])])
+    unit_first = _counted(len(chain.starts) for chain in chains)
     units = int(unit_first[-1])
-    places = sorted({tie.place for tie in ties} | known.keys())
-    column = {place: FIRST_UNIT + 2 * (units + at) for at, place in enumerate(places)}
-    ties = sorted(ties, key=lambda tie: (tie.chain, tie.stance, tie.place, tie.sd_m))
     moves = [
         _moves(chain, nodes[index], int(first[index]), int(unit_first[index]), noise)
         for index, chain in enumerate(chains)
     ]
     move = np.concatenate([rows for rows, _ in moves])
     move_at = np.concatenate([at for _, at in moves])
-    tied = [(tie.chain, tie.stance) for tie in ties]
+    stance_first = _counted(chain.time_ns.size for chain in chains)
+    every_node = np.concatenate([stance_first[index] + each for index, each in enumerate(nodes)])
+
+    def node_of(chain: Ints, stance: Ints) -> Ints:
+        return np.searchsorted(every_node, stance_first[chain] + stance)
+
+    unit = np.concatenate([unit_first[index] + chain.unit for index, chain in enumerate(chains)])
+    tie_node = node_of(ties.chain, ties.stance)
     tie_at = np.column_stack([
-        _node_of(chains, nodes, tied),
-        np.array([column[tie.place] for tie in ties], np.int64),
-        np.zeros(len(ties), np.int64),
-        FIRST_UNIT + 2 * _unit_of(chains, unit_first, tied),
+        tie_node,
+        FIRST_UNIT + 2 * (units + place),
+        np.zeros(place.size, np.int64),
+        FIRST_UNIT + 2 * unit[stance_first[ties.chain] + ties.stance],
     ])  # fmt: skip
     arrow_size = FIRST_UNIT + 2 * (units + len(places))
     columns, columns_first, width = with_columns(first, move_at, tie_at, arrow_size)
@@ -212,72 +221,64 @@ def _build(
         first, columns, columns_first, width, move, move_at,
         _tie_rows(chains, ties), tie_at,
         np.array([fix.row for fix in fixes]).reshape(-1, 6),
-        _node_of(chains, nodes, [(fix.chain, fix.stance) for fix in fixes]),
-        np.array(turn).reshape(-1, 2), _node_of(chains, nodes, begins),
+        node_of(*of_fix),
+        np.array(turn).reshape(-1, 2), node_of(*begins),
         straight, straight_at,
         np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
         unit_sd(chains, settings), np.array([belief.axis_rad, belief.sd_rad]),
         np.array([0.0, settings.lead_sd_s]),
     )  # fmt: skip
-    seen: dict[PlaceId, int] = {}
-    by: dict[PlaceId, int] = {}
-    for tie, (node, *_) in zip(ties, tie_at.tolist(), strict=True):
-        seen.setdefault(tie.place, node)
-        if tie.dof == 0.0:
-            seen[tie.place] = node
-            by[tie.place] = tie.chain
+    # Of several rows of a place the last one written counts: the first in time, or by whom it was
+    # set down.
+    seen_at, installed_by = np.full(len(places), -1), np.full(len(places), -1)
+    seen_at[place[::-1]] = tie_node[::-1]
+    installs = np.flatnonzero(ties.dof == 0.0)
+    seen_at[place[installs]] = tie_node[installs]
+    installed_by[place[installs]] = ties.chain[installs]
     return Assembled(
         graph, chains, nodes, units, unit_first.tolist(), places,
-        [seen.get(place, -1) for place in places], [by.get(place, -1) for place in places], noise,
-        tie_share=np.array([tie.share for tie in ties]),
+        seen_at.tolist(), installed_by.tolist(), noise, tie_share=ties.share,
     )  # fmt: skip
 
 
+def _counted(sizes: Iterable[int]) -> Ints:
+    """Return where each of several begins, and where the last ends, if they follow each other."""
+    return np.concatenate([[0], np.cumsum(list(sizes))])
+
+
 def _nodes(
-    chains: list[Chain], ties: Iterable[Tie], fixes: Iterable[_FixRow], settings: TeamSettings
+    chains: list[Chain],
+    tied: tuple[Ints, Ints],
+    fixed: tuple[Ints, Ints],
+    settings: TeamSettings,
 ) -> tuple[list[Ints], Ints]:
-    wanted: list[set[int]] = [
-        {0, chain.time_ns.size - 1, *chain.links.tolist(), *(chain.links - 1).tolist()}
-        for chain in chains
-    ]
-    for index, stance in (*((t.chain, t.stance) for t in ties), *(f[:2] for f in fixes)):
-        wanted[index].add(stance)
+    """Return each chain's stances that are nodes, those ``tied`` and ``fixed`` among them.
+
+    And where each chain's nodes begin.
+    """
+    of_chain, stance = np.concatenate([tied, fixed], axis=1)
     nodes = [
         place_nodes(
             chain.time_ns,
             chain.length_m,
-            np.array(sorted(stances), np.int64),
+            np.unique(np.concatenate([
+                [0, chain.time_ns.size - 1], chain.links, chain.links - 1, stance[of_chain == index]
+            ])),
             settings.node_m,
             round(settings.node_s * NS_PER_S),
         )
-        for chain, stances in zip(chains, wanted, strict=True)
-    ]
-    return nodes, np.concatenate([[0], np.cumsum([len(each) for each in nodes])])
+        for index, chain in enumerate(chains)
+    ]  # fmt: skip
+    return nodes, _counted(len(each) for each in nodes)
 
 
-def _node_of(chains: list[Chain], nodes: list[Ints], at: list[tuple[int, int]]) -> Ints:
-    """Return the nodes that are these chains' stances, which must be nodes."""
-    chain, stance = np.array(at, np.int64).reshape(-1, 2).T
-    first = np.concatenate([[0], np.cumsum([each.time_ns.size for each in chains])])
-    every = np.concatenate([first[index] + of_chain for index, of_chain in enumerate(nodes)])
-    return np.searchsorted(every, first[chain] + stance)
-
-
-def _unit_of(chains: list[Chain], unit_first: Ints, at: list[tuple[int, int]]) -> Ints:
-    """Return which unit of all, chain after chain, is worn at these chains' stances."""
-    return np.array(
-        [unit_first[chain] + chains[chain].unit[stance] for chain, stance in at], np.int64
-    )
-
-
-def _tie_rows(chains: list[Chain], ties: list[Tie]) -> Floats:
+def _tie_rows(chains: list[Chain], ties: Ties) -> Floats:
     """Return ``Graph.tie`` of ties in the order of their chains."""
-    rows = np.array([(t.north_m, t.east_m, t.sd_m, t.dof, 0.0, 0.0) for t in ties]).reshape(-1, 6)
-    of_chain = np.array([tie.chain for tie in ties], np.int64)
-    time_ns = np.array([tie.time_ns for tie in ties], np.int64)
+    rows = np.column_stack([ties.offset_m, ties.sd_m, ties.dof, np.zeros((ties.dof.size, 2))])
+    first = np.searchsorted(ties.chain, np.arange(len(chains) + 1))
     for index, chain in enumerate(chains):
-        heard = (of_chain == index) & (rows[:, 3] > 0.0)
-        rows[heard, 4:] = chain.velocity_m_s(time_ns[heard])
+        heard = first[index] + np.flatnonzero(ties.dof[first[index] : first[index + 1]])
+        rows[heard, 4:] = chain.velocity_m_s(ties.time_ns[heard])
     return rows
 
 
@@ -293,7 +294,7 @@ def _moves(
     # The turn goes evenly from one end's to the other's; where it did not, the way bends.
     sd_m = noise.places * (np.sqrt(place_m2) + 0.29 * length_m * np.sqrt(turn_rad2))
     sd_rad = noise.turns * np.sqrt(turn_rad2)
-    link = np.isin(other, chain.links)
+    link = np.searchsorted(other, chain.links)
     sd_m[link] = np.sqrt(place_m2[link])
     sd_rad[link] = UNKNOWN_TURN_SD_RAD
     rows = np.column_stack([way_m, duration_s, np.maximum(sd_m, 0.01), np.maximum(sd_rad, 1e-4)])

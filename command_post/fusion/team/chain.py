@@ -75,17 +75,13 @@ class Chain(NamedTuple):
 
         Between two stances the body goes on evenly while the move lasts, and stands before it.
         """
-        after = int(self.time_ns.searchsorted(time_ns))
-        if after == 0:
-            return 0, 0.0, 0.0
-        if after == self.time_ns.size:
-            return after - 1, 0.0, 0.0
-        begin_ns, end_ns = int(self.begin_ns[after]), int(self.time_ns[after])
-        share = min(max((time_ns - begin_ns) / max(end_ns - begin_ns, 1), 0.0), 1.0)
-        north_m, east_m = (self.way_m[after] - self.way_m[after - 1]).tolist()
-        if share >= 0.5:
-            return after, -(1.0 - share) * north_m, -(1.0 - share) * east_m
-        return after - 1, share * north_m, share * east_m
+        (stance,), (offset_m,) = self.nearest_each(np.array([time_ns]))
+        north_m, east_m = offset_m.tolist()
+        return int(stance), north_m, east_m
+
+    def nearest_each(self, time_ns: Ints) -> tuple[Ints, Floats]:
+        """Return the same of several times (n,): stances (n,), and how far from there (n, 2)."""
+        return _nearest(self.time_ns, self.begin_ns, self.way_m, time_ns)
 
     def ahead(self, time_ns: int) -> tuple[float, float]:
         """Return which way the body last went by then: north, east, of length 1; nought if none."""
@@ -102,16 +98,65 @@ class Chain(NamedTuple):
 
         It is the mean over ``PACE_S``: a boot swings and stands while the body goes on evenly.
         """
-        knots_ns = np.maximum.accumulate(np.column_stack([self.begin_ns, self.time_ns]).ravel())
-        way_m = np.repeat(self.way_m, 2, axis=0)
-        way_m[2::2] = self.way_m[:-1]
         half_ns = round(0.5 * PACE_S * NS_PER_S)
-        gone_m = [
-            np.interp(time_ns + half_ns, knots_ns, along)
-            - np.interp(time_ns - half_ns, knots_ns, along)
-            for along in way_m.T
-        ]
-        return np.column_stack(gone_m) / PACE_S
+        return _gone_m(self.time_ns, self.begin_ns, self.way_m, time_ns, half_ns) / PACE_S
+
+
+@compiled
+def _nearest(time_ns: Ints, begin_ns: Ints, way_m: Floats, at_ns: Ints) -> tuple[Ints, Floats]:
+    """Return what ``Chain.nearest_each`` does, of ``at_ns``."""
+    stances, offset_m = np.zeros(at_ns.size, np.int64), np.zeros((at_ns.size, 2))
+    for k in range(at_ns.size):
+        after = int(np.searchsorted(time_ns, at_ns[k]))
+        stances[k] = max(after - 1, 0)
+        if not 0 < after < time_ns.size:
+            continue
+        took_ns = max(time_ns[after] - begin_ns[after], 1)
+        share = min(max((at_ns[k] - begin_ns[after]) / took_ns, 0.0), 1.0)
+        if share >= 0.5:
+            stances[k] = after
+            share = -(1.0 - share)
+        for axis in range(2):
+            offset_m[k, axis] = share * (way_m[after, axis] - way_m[after - 1, axis])
+    return stances, offset_m
+
+
+@compiled
+def _gone_m(time_ns: Ints, begin_ns: Ints, way_m: Floats, at_ns: Ints, half_ns: int) -> Floats:
+    """Return how far the body went (n, 2) from ``half_ns`` before each time until as long after.
+
+    The body goes on evenly from each move's beginning to its end.
+    """
+    knots_ns = np.empty(2 * time_ns.size)
+    last_ns = begin_ns[0]
+    for stance in range(time_ns.size):
+        last_ns = max(last_ns, begin_ns[stance])
+        knots_ns[2 * stance] = last_ns
+        last_ns = max(last_ns, time_ns[stance])
+        knots_ns[2 * stance + 1] = last_ns
+    gone_m = np.empty((at_ns.size, 2))
+    for k in range(at_ns.size):
+        after_n, after_e = _way_at(knots_ns, way_m, float(at_ns[k] + half_ns))
+        before_n, before_e = _way_at(knots_ns, way_m, float(at_ns[k] - half_ns))
+        gone_m[k] = after_n - before_n, after_e - before_e
+    return gone_m
+
+
+@compiled
+def _way_at(knots_ns: Floats, way_m: Floats, at_ns: float) -> tuple[float, float]:
+    """Return the way gone by then; each stance has two knots, its move's beginning and its end."""
+    at = int(np.searchsorted(knots_ns, at_ns, side="right")) - 1
+    stance = max(at, 0) // 2
+    is_going = stance > 0 and at % 2 == 0
+    from_stance = stance - 1 if is_going else stance
+    north_m, east_m = way_m[from_stance, 0], way_m[from_stance, 1]
+    if not is_going or knots_ns[at] == at_ns:
+        return north_m, east_m
+    took_ns, since_ns = knots_ns[at + 1] - knots_ns[at], at_ns - knots_ns[at]
+    return (
+        (way_m[stance, 0] - north_m) / took_ns * since_ns + north_m,
+        (way_m[stance, 1] - east_m) / took_ns * since_ns + east_m,
+    )
 
 
 def chain_of(
@@ -124,15 +169,16 @@ def chain_of(
     moves = log.moves.until(until_ns)
     added = _link_rows(moves, starts, settings)
     order = np.argsort(np.concatenate([added.time_ns, moves.end_ns]), kind="stable")
+    # Mostly all starts are before all moves.
+    is_ordered = bool((order[1:] > order[:-1]).all())
     unseen = unseen_before(moves, settings)
     own = _move_rows(moves, unseen, settings)
 
     def merged(one: Floats | Ints, other: Floats | Ints) -> Floats:
-        return np.asarray(np.concatenate([one, other])[order])
+        both = np.concatenate([one, other])
+        return np.asarray(both if is_ordered else both[order])
 
-    unit_of_row = np.concatenate([np.arange(len(starts)), np.zeros(moves.end_ns.size, np.int64)])[
-        order
-    ]
+    unit_of_row = merged(np.arange(len(starts)), np.zeros(moves.end_ns.size, np.int64))
     return Chain(
         responder_id,
         time_ns=merged(added.time_ns, moves.end_ns).astype(np.int64),

@@ -1,37 +1,56 @@
-"""The normal equations of the team's graph: every factor's residuals, linearised and weighed."""
+"""The normal equations of the team's graph: every factor's residuals, linearised and weighed.
+
+They are made chain by chain, so that a chain is still at hand when its nodes are eliminated. What
+is added to one entry is added in the order of the graph's tables all the same.
+"""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from command_post.fusion.team.arithmetic import logarithm, rotated
+from command_post.fusion.team.arithmetic import rotated
 from command_post.fusion.team.graph import (
     AXIS,
     FIRST_UNIT,
     LEAD,
     LOOSE_SCALE_SD,
     PLACE_DOF,
-    SCALE_DOF,
     TURN_DOF,
     Graph,
+)
+from command_post.fusion.team.residuals import (
+    longer,
+    off_axis,
+    off_fix,
+    off_known_turn,
+    off_move,
+    off_tie,
+    off_turn,
+    squared_over,
+    unit_dof,
+    weight_of,
 )
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
-HALF_PI = math.pi / 2.0
+TABLES = 5
+MOVE, TIE, FIX, TURN, STRAIGHT = range(TABLES)
+"""Columns of ``System.rows``."""
 
 
 class System(NamedTuple):
     """The normal equations: blocks of nodes (n, 3, 3), of each with the next, with the arrow.
 
     ``wing`` is flat: node ``a`` has three rows of ``width[a]`` from ``wing_at[a]``. ``inverse``
-    takes the inverses of the eliminated blocks. Of ``arrow`` only the lower triangle counts.
+    takes the inverses of the eliminated blocks. Of ``node`` the upper triangle counts, of ``arrow``
+    the lower one. Chain ``c``'s rows of the graph's tables begin at ``rows[c]`` (R + 1, 5). What
+    its elimination leaves to the arrow is ``head``, flat, from ``head_at[c]``, square, its lower
+    triangle, and ``head_right``, from the graph's ``columns_first[c]``.
     """
 
     node: Floats
@@ -42,6 +61,10 @@ class System(NamedTuple):
     right: Floats
     arrow: Floats
     arrow_right: Floats
+    rows: Ints
+    head: Floats
+    head_at: Ints
+    head_right: Floats
 
 
 @compiled
@@ -51,6 +74,10 @@ def empty_system(graph: Graph, arrow_size: int) -> System:
     wing_at = np.zeros(n + 1, np.int64)
     for node in range(n):
         wing_at[node + 1] = wing_at[node] + 3 * graph.width[node]
+    head_at = np.zeros(graph.first.size, np.int64)
+    for chain in range(graph.first.size - 1):
+        columns = graph.columns_first[chain + 1] - graph.columns_first[chain]
+        head_at[chain + 1] = head_at[chain] + columns * columns
     return System(
         np.zeros((n, 3, 3)),
         np.zeros((n, 3, 3)),
@@ -60,279 +87,269 @@ def empty_system(graph: Graph, arrow_size: int) -> System:
         np.zeros((n, 3)),
         np.zeros((arrow_size, arrow_size)),
         np.zeros(arrow_size),
+        _rows(graph),
+        np.zeros(head_at[-1]),
+        head_at,
+        np.zeros(graph.columns.size),
     )
 
 
 @compiled
-def linearise(graph: Graph, pose: Floats, arrow: Floats, system: System) -> float:
-    """Fill ``system`` with the normal equations about pose and arrow; return the cost there."""
-    system.node[:] = 0.0
-    system.link[:] = 0.0
-    system.wing[:] = 0.0
-    system.right[:] = 0.0
-    system.arrow[:] = 0.0
-    system.arrow_right[:] = 0.0
-    cost = _add_moves(graph, pose, arrow, system)
-    cost += _add_ties(graph, pose, arrow, system)
-    cost += _add_fixes(graph, pose, system)
-    cost += _add_turns(graph, pose, system)
-    cost += _add_straights(graph, pose, arrow, system)
-    return cost + _add_priors(graph, arrow, system)
+def _rows(graph: Graph) -> Ints:
+    """Return where each chain's rows begin in each of the graph's tables, and where they end."""
+    rows = np.zeros((graph.first.size, TABLES), np.int64)
+    for chain in range(1, graph.first.size):
+        end = graph.first[chain]
+        rows[chain] = rows[chain - 1]
+        move, tie, fix, turn, straight = rows[chain]
+        while move < graph.move_at.shape[0] and graph.move_at[move, 0] < end:
+            move += 1
+        while tie < graph.tie_at.shape[0] and graph.tie_at[tie, 0] < end:
+            tie += 1
+        while fix < graph.fix_at.size and graph.fix_at[fix] < end:
+            fix += 1
+        while turn < graph.turn_at.size and graph.turn_at[turn] < end:
+            turn += 1
+        while straight < graph.straight_at.size and graph.straight_at[straight] < move:
+            straight += 1
+        rows[chain] = move, tie, fix, turn, straight
+    return rows
 
 
 @compiled
-def _robust(squared: float, dof: float, dimension: float) -> tuple[float, float]:
-    """Return the weight and the cost of a residual of that squared length, in its own units."""
-    if dof <= 0.0:
-        return 1.0, squared
-    weight = (dof + dimension) / (dof + squared)
-    return weight, (dof + dimension) * logarithm(1.0 + squared / dof)
+def linearise(graph: Graph, chain: int, pose: Floats, arrow: Floats, system: System) -> None:
+    """Fill ``system`` with a chain's normal equations about ``pose`` and ``arrow``.
+
+    What it has to say of the arrow is added to what is there.
+    """
+    start, end = graph.first[chain], graph.first[chain + 1]
+    system.node[start:end] = 0.0
+    system.link[start:end] = 0.0
+    system.wing[system.wing_at[start] : system.wing_at[end]] = 0.0
+    system.right[start:end] = 0.0
+    rows, until = system.rows[chain], system.rows[chain + 1]
+    _add_moves(graph, rows[MOVE], until[MOVE], pose, arrow, system)
+    _add_ties(graph, rows[TIE], until[TIE], pose, arrow, system)
+    _add_fixes(graph, rows[FIX], until[FIX], pose, system)
+    _add_turns(graph, rows[TURN], until[TURN], pose, system)
+    _add_straights(graph, rows[STRAIGHT], until[STRAIGHT], pose, arrow, system)
 
 
 @compiled
-def _add_moves(graph: Graph, pose: Floats, arrow: Floats, system: System) -> float:
-    cost = 0.0
-    for row in range(graph.move.shape[0]):
-        a = graph.move_at[row, 0]
-        c = a + 1
-        scale = graph.move_at[row, 1]
-        north, east, duration_s, sd_m, sd_rad = graph.move[row]
-        vn, ve = rotated(0.5 * (pose[a, 2] + pose[c, 2]), north, east)
-        longer = _longer(graph, arrow, scale)
-        un = (1.0 + arrow[scale]) * vn
-        ue = (1.0 + arrow[scale]) * ve
-        rn = pose[c, 0] - pose[a, 0] - un
-        re = pose[c, 1] - pose[a, 1] - ue
-        sd_m *= longer
-        squared = (rn * rn + re * re) / (sd_m * sd_m)
-        weight, penalty = _robust(squared, PLACE_DOF, 2.0)
-        cost += penalty
-        k = weight / (sd_m * sd_m)
-        _add_stretch(graph, system, scale, weight * squared, longer)
-        # Derivatives by either end's turn; by the ends' places they are -1 and +1.
-        gn = 0.5 * ue
-        ge = -0.5 * un
-        _add_move_place(graph, system, row, k, (gn, ge, vn, ve, rn, re))
-        rt = pose[c, 2] - pose[a, 2] - arrow[scale + 1] * duration_s
-        weight, penalty = _robust((rt / sd_rad) ** 2, TURN_DOF, 1.0)
-        cost += penalty
-        _add_move_turn(graph, system, row, weight / (sd_rad * sd_rad), rt)
-    return cost
-
-
-@compiled
-def _longer(graph: Graph, arrow: Floats, scale: int) -> float:
-    """Return how many true metres a unit's own metre is: one, if nobody can tell beforehand."""
-    return 1.0 + arrow[scale] if graph.unit_sd[scale - FIRST_UNIT] < LOOSE_SCALE_SD else 1.0
-
-
-@compiled
-def _add_stretch(graph: Graph, system: System, scale: int, weighed: float, longer: float) -> None:
-    """Add what a residual says of a scale by its standard deviation, which grows with it."""
-    if graph.unit_sd[scale - FIRST_UNIT] >= LOOSE_SCALE_SD:
-        return
-    system.arrow_right[scale] += weighed / longer
-    system.arrow[scale, scale] += weighed / (longer * longer)
-
-
-@compiled
-def _add_move_place(
-    graph: Graph,
-    system: System,
-    row: int,
-    k: float,
-    terms: tuple[float, float, float, float, float, float],
+def _add_moves(
+    graph: Graph, first: int, end: int, pose: Floats, arrow: Floats, system: System
 ) -> None:
-    """Add a move's two residuals of place, of precision ``k``."""
-    gn, ge, vn, ve, rn, re = terms
-    a = graph.move_at[row, 0]
-    c = a + 1
-    scale = graph.move_at[row, 1]
-    local = graph.move_at[row, 2]
-    gg = k * (gn * gn + ge * ge)
-    for node, sign in ((a, -1.0), (c, 1.0)):
-        system.node[node, 0, 0] += k
-        system.node[node, 1, 1] += k
-        system.node[node, 2, 2] += gg
-        system.node[node, 0, 2] += sign * k * gn
-        system.node[node, 1, 2] += sign * k * ge
-        wing = system.wing_at[node] + local
-        width = graph.width[node]
-        system.wing[wing] -= sign * k * vn
-        system.wing[wing + width] -= sign * k * ve
-        system.wing[wing + 2 * width] -= k * (gn * vn + ge * ve)
-        system.right[node, 0] -= sign * k * rn
-        system.right[node, 1] -= sign * k * re
-        system.right[node, 2] -= k * (gn * rn + ge * re)
-    link = system.link[a]
-    link[0, 0] -= k
-    link[1, 1] -= k
-    link[0, 2] -= k * gn
-    link[1, 2] -= k * ge
-    link[2, 0] += k * gn
-    link[2, 1] += k * ge
-    link[2, 2] += gg
-    system.arrow[scale, scale] += k * (vn * vn + ve * ve)
-    system.arrow_right[scale] += k * (vn * rn + ve * re)
+    # Taken out of their tables once: not for every row.
+    move, move_at, width, unit_sd = graph.move, graph.move_at, graph.width, graph.unit_sd
+    node, link, right = system.node, system.link, system.right
+    wing, wing_at = system.wing, system.wing_at
+    head, head_right = system.arrow, system.arrow_right
+    for row in range(first, end):
+        a, scale, local = move_at[row, 0], move_at[row, 1], move_at[row, 2]
+        stretch = 1.0 + arrow[scale]
+        vn, ve, rn, re = off_move(move, row, pose, a, stretch)
+        own_m = longer(unit_sd, arrow, scale)
+        sd_m = move[row, 3] * own_m
+        squared = squared_over(rn, re, sd_m)
+        weight = weight_of(squared, PLACE_DOF, 2.0)
+        k = weight / (sd_m * sd_m)
+        if unit_sd[scale - FIRST_UNIT] < LOOSE_SCALE_SD:
+            _add_stretch(head, head_right, scale, weight * squared, own_m)
+        # Derivatives by either end's turn; by the ends' places they are -1 and +1.
+        gn, ge = 0.5 * (stretch * ve), -0.5 * (stretch * vn)
+        _add_move_nodes(node, link, right, a, k, gn, ge, rn, re)
+        head[scale, scale] += k * (vn * vn + ve * ve)
+        head_right[scale] += k * (vn * rn + ve * re)
+        duration_s, sd_rad = move[row, 2], move[row, 4]
+        rt = off_turn(pose, a, arrow[scale + 1] * duration_s)
+        k_turn = weight_of((rt / sd_rad) ** 2, TURN_DOF, 1.0) / (sd_rad * sd_rad)
+        _add_move_turn(node, link, right, a, k_turn, rt)
+        head[scale + 1, scale + 1] += k_turn * duration_s * duration_s
+        head_right[scale + 1] += k_turn * duration_s * rt
+        of_turn = k * (gn * vn + ge * ve)
+        _add_move_wing(wing, wing_at[a] + local, width[a], k, vn, ve, of_turn, k_turn * duration_s)
+        c = a + 1
+        _add_move_wing(
+            wing, wing_at[c] + local, width[c], -k, vn, ve, of_turn, -(k_turn * duration_s)
+        )
 
 
 @compiled
-def _add_move_turn(graph: Graph, system: System, row: int, k: float, residual: float) -> None:
-    """Add a move's residual of turn, of precision ``k``."""
-    a = graph.move_at[row, 0]
+def _add_stretch(
+    head: Floats, head_right: Floats, scale: int, weighed: float, own_m: float
+) -> None:
+    """Add what a residual says of a scale by its standard deviation, which grows with it."""
+    head_right[scale] += weighed / own_m
+    head[scale, scale] += weighed / (own_m * own_m)
+
+
+@compiled
+def _add_move_nodes(
+    node: Floats, link: Floats, right: Floats, a: int, k: float,
+    gn: float, ge: float, rn: float, re: float,
+) -> None:  # fmt: skip
+    """Add what a move's residuals of place, of precision ``k``, say of its two ends."""
     c = a + 1
-    drift = graph.move_at[row, 1] + 1
-    local = graph.move_at[row, 2] + 1
-    duration_s = graph.move[row, 2]
-    system.node[a, 2, 2] += k
-    system.node[c, 2, 2] += k
-    system.link[a, 2, 2] -= k
-    system.wing[system.wing_at[a] + 2 * graph.width[a] + local] += k * duration_s
-    system.wing[system.wing_at[c] + 2 * graph.width[c] + local] -= k * duration_s
-    system.right[a, 2] += k * residual
-    system.right[c, 2] -= k * residual
-    system.arrow[drift, drift] += k * duration_s * duration_s
-    system.arrow_right[drift] += k * duration_s * residual
+    kn, ke = k * gn, k * ge
+    gg = k * (gn * gn + ge * ge)
+    node[a, 0, 0] += k
+    node[a, 1, 1] += k
+    node[a, 2, 2] += gg
+    node[a, 0, 2] -= kn
+    node[a, 1, 2] -= ke
+    node[c, 0, 0] += k
+    node[c, 1, 1] += k
+    node[c, 2, 2] += gg
+    node[c, 0, 2] += kn
+    node[c, 1, 2] += ke
+    link[a, 0, 0] -= k
+    link[a, 1, 1] -= k
+    link[a, 0, 2] -= kn
+    link[a, 1, 2] -= ke
+    link[a, 2, 0] += kn
+    link[a, 2, 1] += ke
+    link[a, 2, 2] += gg
+    turned = k * (gn * rn + ge * re)
+    right[a, 0] += k * rn
+    right[a, 1] += k * re
+    right[a, 2] -= turned
+    right[c, 0] -= k * rn
+    right[c, 1] -= k * re
+    right[c, 2] -= turned
+
+
+@compiled
+def _add_move_turn(
+    node: Floats, link: Floats, right: Floats, a: int, k: float, residual: float
+) -> None:
+    """Add what a move's residual of turn, of precision ``k``, says of its two ends."""
+    node[a, 2, 2] += k
+    node[a + 1, 2, 2] += k
+    link[a, 2, 2] -= k
+    right[a, 2] += k * residual
+    right[a + 1, 2] -= k * residual
+
+
+@compiled
+def _add_move_wing(
+    wing: Floats, at: int, width: int, k: float, vn: float, ve: float, of_turn: float, drift: float
+) -> None:
+    """Add what a move says of an end and its unit's scale and drift together."""
+    wing[at] += k * vn
+    wing[at + width] += k * ve
+    wing[at + 2 * width] -= of_turn
+    wing[at + 2 * width + 1] += drift
 
 
 @compiled
 def _add_point(
-    system: System, node: int, k: float, gn: float, ge: float, rn: float, re: float
+    node: Floats, right: Floats, a: int, k: float, gn: float, ge: float, rn: float, re: float
 ) -> None:
     """Add residuals of a point carried along with a node, of derivatives 1 and (gn, ge)."""
-    system.node[node, 0, 0] += k
-    system.node[node, 1, 1] += k
-    system.node[node, 0, 2] += k * gn
-    system.node[node, 1, 2] += k * ge
-    system.node[node, 2, 2] += k * (gn * gn + ge * ge)
-    system.right[node, 0] -= k * rn
-    system.right[node, 1] -= k * re
-    system.right[node, 2] -= k * (gn * rn + ge * re)
+    node[a, 0, 0] += k
+    node[a, 1, 1] += k
+    node[a, 0, 2] += k * gn
+    node[a, 1, 2] += k * ge
+    node[a, 2, 2] += k * (gn * gn + ge * ge)
+    right[a, 0] -= k * rn
+    right[a, 1] -= k * re
+    right[a, 2] -= k * (gn * rn + ge * re)
 
 
 @compiled
-def _add_ties(graph: Graph, pose: Floats, arrow: Floats, system: System) -> float:
-    cost = 0.0
-    for row in range(graph.tie.shape[0]):
-        a = graph.tie_at[row, 0]
-        place = graph.tie_at[row, 1]
-        north, east, sd_m, dof, fast_north, fast_east = graph.tie[row]
-        on, oe = rotated(
-            pose[a, 2], north + arrow[LEAD] * fast_north, east + arrow[LEAD] * fast_east
-        )
-        vn, ve = rotated(pose[a, 2], fast_north, fast_east)
-        rn = pose[a, 0] + on - arrow[place]
-        re = pose[a, 1] + oe - arrow[place + 1]
-        scale = graph.tie_at[row, 3]
-        longer = _longer(graph, arrow, scale)
-        sd_m *= longer
-        squared = (rn * rn + re * re) / (sd_m * sd_m)
-        weight, penalty = _robust(squared, dof, 2.0)
-        cost += penalty
+def _add_ties(
+    graph: Graph, first: int, end: int, pose: Floats, arrow: Floats, system: System
+) -> None:
+    tie, tie_at, unit_sd = graph.tie, graph.tie_at, graph.unit_sd
+    wing, head, head_right = system.wing, system.arrow, system.arrow_right
+    for row in range(first, end):
+        a, place, scale = tie_at[row, 0], tie_at[row, 1], tie_at[row, 3]
+        on, oe, rn, re = off_tie(tie, row, pose, a, arrow, place)
+        own_m = longer(unit_sd, arrow, scale)
+        sd_m = tie[row, 2] * own_m
+        squared = squared_over(rn, re, sd_m)
+        weight = weight_of(squared, tie[row, 3], 2.0)
         k = weight / (sd_m * sd_m)
-        _add_stretch(graph, system, scale, weight * squared, longer)
-        _add_point(system, a, k, -oe, on, rn, re)
-        width = graph.width[a]
-        wing = system.wing_at[a] + graph.tie_at[row, 2]
-        system.wing[wing] -= k
-        system.wing[wing + width + 1] -= k
-        system.wing[wing + 2 * width] += k * oe
-        system.wing[wing + 2 * width + 1] -= k * on
-        system.arrow[place, place] += k
-        system.arrow[place + 1, place + 1] += k
-        system.arrow_right[place] += k * rn
-        system.arrow_right[place + 1] += k * re
-        lead = system.wing_at[a] + LEAD
-        system.wing[lead] += k * vn
-        system.wing[lead + width] += k * ve
-        system.wing[lead + 2 * width] += k * (on * ve - oe * vn)
-        system.arrow[LEAD, LEAD] += k * (vn * vn + ve * ve)
-        system.arrow[place, LEAD] -= k * vn
-        system.arrow[place + 1, LEAD] -= k * ve
-        system.arrow_right[LEAD] -= k * (vn * rn + ve * re)
-    return cost
+        if unit_sd[scale - FIRST_UNIT] < LOOSE_SCALE_SD:
+            _add_stretch(head, head_right, scale, weight * squared, own_m)
+        _add_point(system.node, system.right, a, k, -oe, on, rn, re)
+        width, at = graph.width[a], system.wing_at[a]
+        to_place = at + tie_at[row, 2]
+        wing[to_place] -= k
+        wing[to_place + width + 1] -= k
+        wing[to_place + 2 * width] += k * oe
+        wing[to_place + 2 * width + 1] -= k * on
+        head[place, place] += k
+        head[place + 1, place + 1] += k
+        head_right[place] += k * rn
+        head_right[place + 1] += k * re
+        vn, ve = rotated(pose[a, 2], tie[row, 4], tie[row, 5])
+        wing[at + LEAD] += k * vn
+        wing[at + LEAD + width] += k * ve
+        wing[at + LEAD + 2 * width] += k * (on * ve - oe * vn)
+        head[LEAD, LEAD] += k * (vn * vn + ve * ve)
+        head[place, LEAD] -= k * vn
+        head[place + 1, LEAD] -= k * ve
+        head_right[LEAD] -= k * (vn * rn + ve * re)
 
 
 @compiled
-def _add_fixes(graph: Graph, pose: Floats, system: System) -> float:
-    cost = 0.0
-    for row in range(graph.fix.shape[0]):
-        a = graph.fix_at[row]
-        north, east, place_north, place_east, sd_m, dof = graph.fix[row]
-        on, oe = rotated(pose[a, 2], north, east)
-        rn = pose[a, 0] + on - place_north
-        re = pose[a, 1] + oe - place_east
-        weight, penalty = _robust((rn * rn + re * re) / (sd_m * sd_m), dof, 2.0)
-        cost += penalty
-        _add_point(system, a, weight / (sd_m * sd_m), -oe, on, rn, re)
-    return cost
+def _add_fixes(graph: Graph, first: int, end: int, pose: Floats, system: System) -> None:
+    for row in range(first, end):
+        a, sd_m = graph.fix_at[row], graph.fix[row, 4]
+        on, oe, rn, re = off_fix(graph.fix, row, pose, a)
+        weight = weight_of(squared_over(rn, re, sd_m), graph.fix[row, 5], 2.0)
+        _add_point(system.node, system.right, a, weight / (sd_m * sd_m), -oe, on, rn, re)
 
 
 @compiled
-def _add_turns(graph: Graph, pose: Floats, system: System) -> float:
-    cost = 0.0
-    for row in range(graph.turn.shape[0]):
+def _add_turns(graph: Graph, first: int, end: int, pose: Floats, system: System) -> None:
+    for row in range(first, end):
         a = graph.turn_at[row]
-        turn_rad, sd_rad = graph.turn[row]
-        off_rad = pose[a, 2] - turn_rad
-        off_rad -= 2.0 * math.pi * math.floor(off_rad / (2.0 * math.pi) + 0.5)
-        k = 1.0 / (sd_rad * sd_rad)
-        cost += k * off_rad * off_rad
+        off_rad = off_known_turn(pose[a, 2], graph.turn[row, 0])
+        k = 1.0 / (graph.turn[row, 1] * graph.turn[row, 1])
         system.node[a, 2, 2] += k
         system.right[a, 2] -= k * off_rad
-    return cost
 
 
 @compiled
-def _add_straights(graph: Graph, pose: Floats, arrow: Floats, system: System) -> float:
+def _add_straights(
+    graph: Graph, first: int, end: int, pose: Floats, arrow: Floats, system: System
+) -> None:
     """Straight moves follow the axis, or are square to it; Cauchy, for many do not."""
-    cost = 0.0
-    for row in range(graph.straight.shape[0]):
+    node, link, right = system.node, system.link, system.right
+    wing, wing_at, width = system.wing, system.wing_at, graph.width
+    for row in range(first, end):
         a = graph.move_at[graph.straight_at[row], 0]
-        c = a + 1
-        direction_rad, sd_rad = graph.straight[row]
-        off_rad = 0.5 * (pose[a, 2] + pose[c, 2]) + direction_rad - arrow[AXIS]
-        off_rad -= HALF_PI * math.floor(off_rad / HALF_PI + 0.5)
-        weight, penalty = _robust((off_rad / sd_rad) ** 2, 1.0, 1.0)
-        cost += penalty
-        k = weight / (sd_rad * sd_rad)
-        for node in (a, c):
-            system.node[node, 2, 2] += 0.25 * k
-            system.right[node, 2] -= 0.5 * k * off_rad
-            system.wing[system.wing_at[node] + 2 * graph.width[node]] -= 0.5 * k
-        system.link[a, 2, 2] += 0.25 * k
+        sd_rad = graph.straight[row, 1]
+        off_rad = off_axis(pose, a, graph.straight[row, 0], arrow[AXIS])
+        k = weight_of((off_rad / sd_rad) ** 2, 1.0, 1.0) / (sd_rad * sd_rad)
+        for each in (a, a + 1):
+            node[each, 2, 2] += 0.25 * k
+            right[each, 2] -= 0.5 * k * off_rad
+            wing[wing_at[each] + 2 * width[each] + AXIS] -= 0.5 * k
+        link[a, 2, 2] += 0.25 * k
         system.arrow[AXIS, AXIS] += k
         system.arrow_right[AXIS] += k * off_rad
-    return cost
 
 
 @compiled
-def _add_priors(graph: Graph, arrow: Floats, system: System) -> float:
-    k = 1.0 / graph.axis[1] ** 2
-    off_rad = arrow[AXIS] - graph.axis[0]
-    cost = float(k * off_rad * off_rad)
-    system.arrow[AXIS, AXIS] += k
-    system.arrow_right[AXIS] -= k * off_rad
-    k = 1.0 / graph.lead[1] ** 2
-    off_s = arrow[LEAD] - graph.lead[0]
-    cost += float(k * off_s * off_s)
-    system.arrow[LEAD, LEAD] += k
-    system.arrow_right[LEAD] -= k * off_s
+def add_priors(graph: Graph, arrow: Floats, system: System) -> None:
+    """Add what is known of the arrow beforehand."""
+    for column, known in ((AXIS, graph.axis), (LEAD, graph.lead)):
+        k = 1.0 / known[1] ** 2
+        system.arrow[column, column] += k
+        system.arrow_right[column] -= k * (arrow[column] - known[0])
     places_from = arrow.size - 2 * graph.place.shape[0]
     for column in range(FIRST_UNIT, places_from):
         sd = graph.unit_sd[column - FIRST_UNIT]
-        is_scale = (column - FIRST_UNIT) % 2 == 0 and sd < LOOSE_SCALE_SD
-        weight, penalty = _robust((arrow[column] / sd) ** 2, SCALE_DOF if is_scale else 0.0, 1.0)
-        k = weight / (sd * sd)
-        cost += penalty
+        dof = unit_dof(column, sd)
+        k = weight_of((arrow[column] / sd) ** 2, dof, 1.0) / (sd * sd)
         system.arrow[column, column] += k
         system.arrow_right[column] -= k * arrow[column]
     for place in range(graph.place.shape[0]):
         k = 1.0 / graph.place[place, 2] ** 2
         for axis in range(2):
             column = places_from + 2 * place + axis
-            off_m = arrow[column] - graph.place[place, axis]
-            cost += k * off_m * off_m
             system.arrow[column, column] += k
-            system.arrow_right[column] -= k * off_m
-    return cost
+            system.arrow_right[column] -= k * (arrow[column] - graph.place[place, axis])

@@ -9,8 +9,8 @@ import numpy as np
 from command_post.fusion.interface import SmoothedTrack
 from command_post.fusion.team.arithmetic import rotated
 from command_post.fusion.team.chain import Chain
-from command_post.fusion.team.elimination import EVERY_NODE
 from command_post.fusion.team.height_assembly import Heights
+from command_post.fusion.team.marginals import EVERY_NODE
 from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoother import smooth

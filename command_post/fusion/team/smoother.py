@@ -19,15 +19,11 @@ from command_post.fusion.team.arithmetic import (
     logarithm,
     solve_factorised,
 )
-from command_post.fusion.team.elimination import (
-    NO_COVARIANCE,
-    determinant,
-    eliminate,
-    marginals,
-    take_step,
-)
+from command_post.fusion.team.elimination import determinant, reduce_to_arrow, take_step
 from command_post.fusion.team.graph import Graph
-from command_post.fusion.team.normal_equations import empty_system, linearise
+from command_post.fusion.team.marginals import NO_COVARIANCE, marginals
+from command_post.fusion.team.normal_equations import empty_system
+from command_post.fusion.team.residuals import cost_of
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -55,16 +51,19 @@ def smooth(
     system = empty_system(graph, arrow.size)
     ends_at = np.zeros((graph.first.size - 1, 6))
     nothing = np.zeros((0, 0))
-    cost = 0.0
+    change = np.zeros_like(pose)
+    last_pose, last_arrow = np.zeros_like(pose), np.zeros_like(arrow)
     made = 0
     for made in range(1, iterations + 1):
-        cost = linearise(graph, pose, arrow, system)
-        eliminate(graph, system)
+        reduce_to_arrow(graph, pose, arrow, system)
         if not factorise(system.arrow):
             return math.inf, made, ends_at, nothing
         solve_factorised(system.arrow, system.arrow_right)
-        if take_step(graph, system, pose, arrow) < settled_m:
+        last_pose[:] = pose
+        last_arrow[:] = arrow
+        if take_step(graph, system, pose, arrow, change) < settled_m:
             break
+    cost = cost_of(graph, last_pose, last_arrow)
     if covariance == NO_COVARIANCE:
         return cost, made, ends_at, nothing
     shared = invert_factorised(system.arrow)
@@ -78,8 +77,7 @@ def log_determinant(graph: Graph, pose: Floats, arrow: Floats) -> float:
     Not finite where that is not positive definite.
     """
     system = empty_system(graph, arrow.size)
-    linearise(graph, pose, arrow, system)
-    eliminate(graph, system)
+    reduce_to_arrow(graph, pose, arrow, system)
     if not factorise(system.arrow):
         return math.inf
     total = 0.0

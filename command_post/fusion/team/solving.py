@@ -17,9 +17,9 @@ from command_post.fusion.team.assembly import (
 )
 from command_post.fusion.team.axis import directions, likely_axis, told_by_legs
 from command_post.fusion.team.chain import UnitName, turn_known
-from command_post.fusion.team.elimination import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.marginals import ENDS_ONLY, NO_COVARIANCE
 from command_post.fusion.team.move_log import Floats
 from command_post.fusion.team.same_floor import by_floor
 from command_post.fusion.team.settings import TeamSettings

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
+from bisect import bisect_right
+from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
 
+import numpy as np
+
 from command_post.fusion.team.chain import Chain
-from command_post.fusion.team.log import Installed, Peak, TeamLog
+from command_post.fusion.team.log import Peak, TeamLog
+from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
+from shared.compiled import compiled
 from shared.messages import LocalPosition
 from shared.units import NS_PER_S
 
@@ -20,21 +24,31 @@ SAME_PASS_S = 5.0
 LEAST_SD_M = 0.1
 
 
-class Tie(NamedTuple):
-    """A place reached by the chain: when, stance, offset from there, deviation, freedom.
+class Ties(NamedTuple):
+    """Places reached by chains, t of them.
 
-    ``share`` of a whole tie is what it says: its deviation is as much wider as is due to that.
+    ``chain``, ``time_ns`` and ``stance`` (t,) are by which chain, when, and at which stance,
+    ``offset_m`` (t, 2) how far north and east from there; then deviations (m) and degrees of
+    freedom (t,). ``share`` (t,) of a whole tie is what each says: its deviation is as much wider as
+    is due to that.
     """
 
-    chain: int
-    time_ns: int
-    stance: int
-    north_m: float
-    east_m: float
-    place: PlaceId
-    sd_m: float
-    dof: float
-    share: float = 1.0
+    chain: Ints
+    time_ns: Ints
+    stance: Ints
+    offset_m: Floats
+    place: list[PlaceId]
+    sd_m: Floats
+    dof: Floats
+    share: Floats
+
+    def ordered(self, order: Ints) -> Ties:
+        """Return them in another order."""
+        return Ties(
+            self.chain[order], self.time_ns[order], self.stance[order], self.offset_m[order],
+            [self.place[at] for at in order.tolist()],
+            self.sd_m[order], self.dof[order], self.share[order],
+        )  # fmt: skip
 
 
 class Known(NamedTuple):
@@ -49,19 +63,26 @@ class Known(NamedTuple):
     found: bool = False
 
 
+class _Standing(NamedTuple):
+    """Since when a DAP stood somewhere, and what that place is called; ``None``: nowhere."""
+
+    since_ns: list[int]
+    place: list[PlaceId | None]
+
+
 def ties_of(
     log: TeamLog, chains: list[Chain], until_ns: int, settings: TeamSettings
-) -> tuple[list[Tie], dict[PlaceId, Known]]:
+) -> tuple[Ties, dict[PlaceId, Known]]:
     """Return all ties, and what is known of places beforehand."""
     number = {chain.responder_id: index for index, chain in enumerate(chains)}
-    stands: dict[str, list[Installed]] = {}
+    stands: dict[str, _Standing] = {}
     known: dict[PlaceId, Known] = {}
-    ties: list[Tie] = []
+    ties: list[Ties] = []
     for dap_id in sorted(log.daps):
         for installed in log.daps[dap_id]:
             if installed.time_ns > until_ns:
                 break
-            place = _dap_place(dap_id, installed)
+            place = ("dap", dap_id, str(installed.time_ns))
             chain = number.get(installed.installer_id or "")
             if chain is not None:
                 ties.append(_install_tie(chains, chain, installed.time_ns, place, settings))
@@ -69,27 +90,35 @@ def ties_of(
                 known[place] = _known(installed.position, found=installed.found)
             elif not installed.is_taken_up:
                 continue
-            stands.setdefault(dap_id, []).append(installed)
+            standing = stands.setdefault(dap_id, _Standing([], []))
+            standing.since_ns.append(installed.time_ns)
+            standing.place.append(None if installed.is_taken_up else place)
     for index in range(len(chains)):
-        ties += _pass_ties(log, chains, index, stands, until_ns, settings)
+        ties.append(_pass_ties(log, chains, index, stands, until_ns, settings))
         ties += _meeting_ties(log, chains, index, number, until_ns, settings)
-    return ties, known
+    return _joined(ties), known
+
+
+def _joined(several: list[Ties]) -> Ties:
+    columns = zip(*several, strict=True)
+    places = [place for ties in several for place in ties.place]
+    return Ties(*(
+        places if name == "place" else np.concatenate(column)
+        for name, column in zip(Ties._fields, columns, strict=True)
+    ))  # type: ignore[arg-type]  # fmt: skip
 
 
 def _install_tie(
     chains: list[Chain], chain: int, time_ns: int, place: PlaceId, settings: TeamSettings
-) -> Tie:
+) -> Ties:
     """Return the tie of a DAP to its installer, who set it down before them."""
-    tie = _tie(chains, chain, time_ns, place, settings.install_sd_m, 0.0)
-    ahead_north, ahead_east = chains[chain].ahead(time_ns)
-    return tie._replace(
-        north_m=tie.north_m + settings.install_ahead_m * ahead_north,
-        east_m=tie.east_m + settings.install_ahead_m * ahead_east,
-    )
+    tie = _ties(chains, chain, [time_ns], [place], [settings.install_sd_m], 0.0)
+    ahead = np.array(chains[chain].ahead(time_ns))
+    return tie._replace(offset_m=tie.offset_m + settings.install_ahead_m * ahead)
 
 
 def asides_m2(
-    ties: Sequence[Tie], known: Mapping[PlaceId, Known], settings: TeamSettings
+    ties: Ties, known: Mapping[PlaceId, Known], settings: TeamSettings
 ) -> dict[PlaceId, float]:
     """Return, of each known place, the variance of how far aside of it all pass it (m²), each way.
 
@@ -99,9 +128,13 @@ def asides_m2(
     passes_m2: dict[PlaceId, list[float]] = {
         place: [] for place, each in known.items() if not each.found
     }
-    for tie in ties:
-        if tie.dof and tie.place in passes_m2:
-            passes_m2[tie.place].append(tie.share * tie.sd_m**2)
+    if passes_m2:
+        rows = zip(
+            ties.place, ties.dof.tolist(), ties.share.tolist(), ties.sd_m.tolist(), strict=True
+        )
+        for place, dof, share, sd_m in rows:
+            if dof and place in passes_m2:
+                passes_m2[place].append(share * sd_m**2)
     blunt_m2 = settings.sharpness.sd_at_m(settings.sharpness.least_dbm) ** 2
     return {
         place: settings.aside_share**2 * (math.fsum(each) / len(each) if each else blunt_m2)
@@ -120,74 +153,100 @@ def level_sd_m(position: LocalPosition) -> float:
 
 
 def _pass_ties(
-    log: TeamLog, chains: list[Chain], index: int, stands: dict[str, list[Installed]],
+    log: TeamLog, chains: list[Chain], index: int, stands: dict[str, _Standing],
     until_ns: int, settings: TeamSettings,
-) -> list[Tie]:  # fmt: skip
+) -> Ties:  # fmt: skip
     """Return a responder's passes of DAPs, each tied to where the DAP then stood, if it did."""
     heard = log.responders[chains[index].responder_id]
-    ties = []
-    for peak in _passes(heard.peaks, heard.nears, until_ns, settings):
-        standing = stands.get(peak.other_id, [])
-        at = bisect_right(standing, peak.time_ns, key=lambda each: each.time_ns)
-        if at and not standing[at - 1].is_taken_up:
-            place = _dap_place(peak.other_id, standing[at - 1])
-            sd_m = settings.sharpness.sd_at_m(peak.peak_dbm)
-            ties.append(_tie(chains, index, peak.time_ns, place, sd_m, settings.sharpness.dof))
+    places: list[PlaceId] = []
+    times_ns, sds_m = [], []
+    for time_ns, dap_id, peak_dbm in _passes(heard.peaks, heard.nears, until_ns, settings):
+        standing = stands.get(dap_id)
+        at = bisect_right(standing.since_ns, time_ns) if standing else 0
+        place = standing.place[at - 1] if standing and at else None
+        if place is not None:
+            times_ns.append(time_ns)
+            places.append(place)
+            sds_m.append(settings.sharpness.sd_at_m(peak_dbm))
+    ties = _ties(chains, index, times_ns, places, sds_m, settings.sharpness.dof)
     return _shadowed_alike(ties, chains[index], settings.shadowing_m)
 
 
-def _shadowed_alike(ties: list[Tie], chain: Chain, shadowing_m: float) -> list[Tie]:
+def _shadowed_alike(ties: Ties, chain: Chain, shadowing_m: float) -> Ties:
     """Return a chain's ties to what it heard, those to one within ``shadowing_m`` of way as one.
 
-    The same walls and bodies shadow them: all of them together say no more than one does.
+    The same walls and bodies shadow them: all of them together say no more than one does. They
+    must be in the order of time.
     """
-    at_m: dict[PlaceId, list[float]] = {}
-    for tie in ties:
-        at_m.setdefault(tie.place[:-1], []).append(float(chain.length_m[tie.stance]))
-    for way_m in at_m.values():
-        way_m.sort()
-    told = []
-    for tie in ties:
-        way_m, here_m = at_m[tie.place[:-1]], float(chain.length_m[tie.stance])
-        alike = bisect_right(way_m, here_m + shadowing_m) - bisect_left(way_m, here_m - shadowing_m)
-        wider_m = tie.sd_m * math.sqrt(alike)
-        told.append(tie if alike == 1 else tie._replace(sd_m=wider_m, share=1.0 / alike))
-    return told
+    number: dict[PlaceId, int] = {}
+    of_what = [number.setdefault(place[:-1], len(number)) for place in ties.place]
+    alike = _alike(chain.length_m[ties.stance], np.array(of_what, np.int64), shadowing_m)
+    return ties._replace(sd_m=ties.sd_m * np.sqrt(alike), share=1.0 / alike)
+
+
+@compiled
+def _alike(way_m: Floats, of_what: Ints, shadowing_m: float) -> Floats:
+    """Return how many of the same lie within ``shadowing_m`` of each, which counts itself."""
+    alike = np.ones(way_m.size)
+    for k in range(way_m.size):
+        least_m, most_m = way_m[k] - shadowing_m, way_m[k] + shadowing_m
+        other = k - 1
+        while other >= 0 and way_m[other] >= least_m:
+            if of_what[other] == of_what[k]:
+                alike[k] += 1.0
+            other -= 1
+        other = k + 1
+        while other < way_m.size and way_m[other] <= most_m:
+            if of_what[other] == of_what[k]:
+                alike[k] += 1.0
+            other += 1
+    return alike
 
 
 def _meeting_ties(
     log: TeamLog, chains: list[Chain], index: int, number: dict[str, int],
     until_ns: int, settings: TeamSettings,
-) -> list[Tie]:  # fmt: skip
+) -> list[Ties]:  # fmt: skip
     """Return both ties of each meeting that is logged with this responder."""
     responder_id = chains[index].responder_id
-    own, others = [], []
+    places: list[PlaceId] = []
+    times_ns, sds_m, others = [], [], []
     for meeting in _meetings(log.responders[responder_id].contacts, until_ns, settings):
         other = number.get(meeting.other_id)
         if other is None:
             continue
-        place = ("meeting", responder_id, meeting.other_id, str(meeting.time_ns))
+        times_ns.append(meeting.time_ns)
+        places.append(("meeting", responder_id, meeting.other_id, str(meeting.time_ns)))
         sd_m = settings.sharpness.sd_at_m(meeting.peak_dbm + settings.contact_gain_db)
         # Either is half of the way from where they met.
-        sd_m = settings.contact_share * max(sd_m, settings.contact_sd_least_m)
-        dof = settings.sharpness.dof
-        own.append(_tie(chains, index, meeting.time_ns, place, sd_m, dof))
-        others.append(_tie(chains, other, meeting.time_ns, place, sd_m, dof))
-    told = _shadowed_alike(own, chains[index], settings.shadowing_m)
+        sds_m.append(settings.contact_share * max(sd_m, settings.contact_sd_least_m))
+        others.append(other)
+    if not others:
+        return []
+    dof = settings.sharpness.dof
+    own = _ties(chains, index, times_ns, places, sds_m, dof)
+    own = _shadowed_alike(own, chains[index], settings.shadowing_m)
     return [
-        *told,
-        *(other._replace(sd_m=own.sd_m) for own, other in zip(told, others, strict=True)),
+        own,
+        *(
+            _ties(chains, other, [time_ns], [place], [sd_m], dof)
+            for other, time_ns, place, sd_m in zip(
+                others, times_ns, places, own.sd_m.tolist(), strict=True
+            )
+        ),
     ]
 
 
-def _dap_place(dap_id: str, installed: Installed) -> PlaceId:
-    return ("dap", dap_id, str(installed.time_ns))
-
-
-def _tie(
-    chains: list[Chain], chain: int, time_ns: int, place: PlaceId, sd_m: float, dof: float
-) -> Tie:
-    return Tie(chain, time_ns, *chains[chain].nearest(time_ns), place, sd_m, dof)
+def _ties(
+    chains: list[Chain], chain: int, times_ns: list[int], places: list[PlaceId],
+    sds_m: list[float], dof: float,
+) -> Ties:  # fmt: skip
+    """Return one chain's ties, each for itself."""
+    count, time_ns = len(times_ns), np.array(times_ns, np.int64)
+    return Ties(
+        np.full(count, chain), time_ns, *chains[chain].nearest_each(time_ns), places,
+        np.array(sds_m, np.float64), np.full(count, dof), np.ones(count),
+    )  # fmt: skip
 
 
 def _passes(
