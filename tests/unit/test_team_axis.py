@@ -8,7 +8,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from command_post.fusion.team.axis import cost_of_legs, legs, likely_axis
+from command_post.fusion.team.axis import (
+    cost_of_legs,
+    first_of_corridor,
+    legs,
+    likely_axis,
+    witnesses,
+)
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import NOTHING
@@ -24,17 +30,21 @@ def walked(
     askew_rad: float,
     corners: list[tuple[float, float]],
     planned_rad: float | None = None,
+    team: int = 1,
 ) -> Solved:
-    """Return the commit at the end of one responder's way past corners, turned by ``askew_rad``."""
+    """Return the commit after a way past corners, turned by ``askew_rad``, of each of a team."""
     log = TeamLog()
-    log.add_start("r1", track_start(0.0, heading_sd_rad=heading_sd_rad))
-    number = 0
-    for (north_m, east_m), (to_north_m, to_east_m) in pairwise(corners):
-        leg = complex(to_north_m - north_m, to_east_m - east_m) * np.exp(1j * askew_rad)
-        for _ in range(round(abs(leg) / 1.2)):
-            number += 1
-            step = 1.2 * leg / abs(leg)
-            log.add_move("r1", stride(2.0 + number, step.real, step.imag, sequence=number))
+    for each in range(team):
+        responder_id = f"r{each}"
+        log.add_start(responder_id, track_start(0.0, heading_sd_rad=heading_sd_rad))
+        number = 0
+        for (north_m, east_m), (to_north_m, to_east_m) in pairwise(corners):
+            leg = complex(to_north_m - north_m, to_east_m - east_m) * np.exp(1j * askew_rad)
+            for _ in range(round(abs(leg) / 1.2)):
+                number += 1
+                step = 1.2 * leg / abs(leg)
+                moved = stride(2.0 + number, step.real, step.imag, sequence=number)
+                log.add_move(responder_id, moved)
     found = commit(log, at_ns(3.0 + number), NOTHING, TeamSettings(planned_axis_rad=planned_rad))
     assert found is not None
     return found
@@ -95,6 +105,23 @@ def test_out_and_back_shows_no_axis() -> None:
     found = walked(math.radians(5.0), math.radians(12.0), out_and_back)
     assert found.belief.mode == "none"
     assert np.abs(found.pose[:, 2]).max() < math.radians(1.0)
+
+
+def test_all_of_a_team_on_one_way_are_one_witness_of_each_corridor() -> None:
+    lone, team = (walked(math.radians(2.0), 0.0, SQUARE, team=size) for size in (1, 4))
+    moves = len(lone.assembled.graph.straight)
+    assert len(team.assembled.graph.straight) == 4 * moves
+    told = [len(witnesses(each.assembled.graph, each.pose).straight) for each in (lone, team)]
+    assert told[0] == told[1] == moves * 4 // 5
+
+
+def test_legs_in_one_strip_are_of_one_corridor() -> None:
+    hall, back = [0.0, 0.0, 10.0, 0.0], [12.0, 1.0, 4.0, 0.2]
+    beside, further, across = [0.0, 4.0, 10.0, 4.0], [20.0, 0.0, 30.0, 0.0], [5.0, -5.0, 5.0, 5.0]
+    askew = [2.0, -1.0, 8.0, 1.0]
+    table = np.array([hall, back, beside, further, across, askew, hall])
+    first = first_of_corridor(table[:, :2].copy(), table[:, 2:].copy())
+    assert first.tolist() == [0, 0, 2, 3, 4, 5, 0]
 
 
 def test_a_few_ways_across_a_hall_show_no_axis() -> None:

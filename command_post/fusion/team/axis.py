@@ -2,7 +2,8 @@
 
 Directions are taken modulo a right angle. Moves one after another in one direction are one *leg*:
 they show how somebody is headed all along it, but of a building no more than that one way of theirs
-goes there.
+goes there. Legs in one strip of ground, whoever's, to or fro, are of one *corridor*: they agree
+whatever the building is like, and only one of them is a witness of its axis.
 """
 
 from __future__ import annotations
@@ -25,6 +26,11 @@ from shared.maths.angles import HALF_PI, nearest_right_angle_rad
 AXIS_GRID = 45
 BEND_RAD = math.radians(10.0)
 """A move of a leg goes no further off the one before."""
+STRIP_M = 1.5
+ALONG_COSINE = 0.985
+"""A leg of a corridor is no further aside of its first one, in the middle, and 10 degrees off."""
+SHORTEST_M = 1e-6
+"""What is shorter goes nowhere."""
 TURN = 2.0 * math.pi
 MOST_ODDS = 1e100
 
@@ -70,6 +76,55 @@ def _means(direction_rad: Floats, leg: Ints) -> Floats:
 
 def _wrapped(angle_rad: Floats) -> Floats:
     return np.asarray(angle_rad - 2.0 * math.pi * np.floor(angle_rad / (2.0 * math.pi) + 0.5))
+
+
+def witnesses(graph: Graph, pose: Floats) -> Graph:
+    """Return the graph with the straight moves alone of the first leg of each corridor.
+
+    So many walkers as have gone one way agree with each other, and show that the building has that
+    way, but no more of an axis than one of them does. Floors lie above each other, and so do their
+    corridors.
+    """
+    nodes = graph.move_at[graph.straight_at, 0]
+    leg = legs(nodes, graph.straight[:, 0])
+    begins = np.flatnonzero(np.diff(leg, prepend=-1))
+    ends = np.append(begins[1:], leg.size)[: begins.size] - 1
+    firsts = first_of_corridor(pose[nodes[begins], :2], pose[nodes[ends] + 1, :2])
+    is_witness = (firsts == np.arange(firsts.size))[leg]
+    return graph._replace(
+        straight=graph.straight[is_witness], straight_at=graph.straight_at[is_witness]
+    )
+
+
+@compiled
+def first_of_corridor(begin_m: Floats, end_m: Floats) -> Ints:
+    """Return for legs from (k, 2) to (k, 2) which leg before is the first of their corridor.
+
+    It is the first in whose strip they lie, beside it at least in part; if there is none, itself.
+    """
+    first = np.arange(begin_m.shape[0])
+    along = end_m - begin_m
+    length_m = np.zeros(first.size)
+    for leg in range(first.size):
+        north_m, east_m = along[leg]
+        length_m[leg] = max(math.sqrt(north_m * north_m + east_m * east_m), SHORTEST_M)
+        along[leg, 0] /= length_m[leg]
+        along[leg, 1] /= length_m[leg]
+        for other in range(leg):
+            north, east = along[other]
+            cosine = along[leg, 0] * north + along[leg, 1] * east
+            if first[other] != other or abs(cosine) < ALONG_COSINE:
+                continue
+            off_north_m = begin_m[leg, 0] - begin_m[other, 0]
+            off_east_m = begin_m[leg, 1] - begin_m[other, 1]
+            begun_m = off_north_m * north + off_east_m * east
+            ended_m = begun_m + length_m[leg] * cosine
+            aside_m = (off_east_m + 0.5 * east_m) * north - (off_north_m + 0.5 * north_m) * east
+            is_beside = max(begun_m, ended_m) > 0.0 and min(begun_m, ended_m) < length_m[other]
+            if is_beside and abs(aside_m) < STRIP_M:
+                first[leg] = other
+                break
+    return first
 
 
 def told_by_legs(graph: Graph, pose: Floats, arrow: Floats, share: float) -> tuple[float, float]:

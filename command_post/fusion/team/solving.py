@@ -15,7 +15,7 @@ from command_post.fusion.team.assembly import (
     Noise,
     assemble,
 )
-from command_post.fusion.team.axis import directions, likely_axis, told_by_legs
+from command_post.fusion.team.axis import directions, likely_axis, told_by_legs, witnesses
 from command_post.fusion.team.chain import UnitName, turn_known
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import TeamLog
@@ -196,11 +196,10 @@ def _with_axis(
         return _begun(believing, before, belief, settings, settings.commit_iterations)
 
     def cost(tried: Solved) -> float:
-        # Hysteresis: the belief held so far has the better of a tie. That an axis may be any says
-        # nothing against the one given.
-        is_free = before.belief.mode == "free" and tried.belief.mode != "none"
-        stays = settings.adopt_gain if is_free or _is_like(tried.belief, before.belief) else 0.0
-        return _belief_cost(tried, settings) - stays
+        # Hysteresis: of two axes the one held so far has the better of a tie. Whether there is one
+        # at all the evidence says alone: both too late, a wrong one and a right one cost metres.
+        is_other = _is_other(tried.belief, before.belief)
+        return _belief_cost(tried, settings) + (settings.adopt_gain if is_other else 0.0)
 
     unheld = under(NO_AXIS._replace(units=held))
     if not unheld.is_sound:
@@ -220,9 +219,13 @@ def _with_axis(
     return min(trials, key=cost)
 
 
-def _is_like(one: AxisBelief, other: AxisBelief) -> bool:
-    """Whether two beliefs are of the same axis, if of any."""
-    return one.mode == other.mode and (one.mode != "given" or one.axis_rad == other.axis_rad)
+def _is_other(one: AxisBelief, held: AxisBelief) -> bool:
+    """Whether one is of an axis, and not of that which is held, if one is.
+
+    That an axis may be any says nothing against the one given.
+    """
+    is_same = (one.mode, one.axis_rad) == (held.mode, held.axis_rad)
+    return held.mode == "given" and one.mode != "none" and not is_same
 
 
 def _may_be_planned(free: Solved, held: AxisBelief, settings: TeamSettings) -> bool:
@@ -246,14 +249,17 @@ def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
 
     It is its evidence, by Laplace's approximation about the solution (MacKay, "Bayesian
     interpolation", 1992): an axis gains little by legs along it where headings may be turned to
-    suit any.
+    suit any. All straight moves are held to an axis, but one leg of each corridor tells of it: with
+    the others its width would be that of headings which the corridor tells, axis or not.
     """
     graph, belief = tried.assembled.graph, tried.belief
-    cost = tried.cost + log_determinant(graph, tried.pose, tried.arrow)
+    told = witnesses(graph, tried.pose)
+    cost = tried.cost + log_determinant(told, tried.pose, tried.arrow)
     if belief.mode == "none":
         return cost + NO_AXIS_COST
-    of_moves, of_legs = told_by_legs(graph, tried.pose, tried.arrow, settings.axis_least_share)
-    cost += of_legs - of_moves
+    of_moves, _ = told_by_legs(graph, tried.pose, tried.arrow, settings.axis_least_share)
+    _, of_witnesses = told_by_legs(told, tried.pose, tried.arrow, settings.axis_least_share)
+    cost += of_witnesses - of_moves
     if belief.mode == "given":
         return cost + 2.0 * math.log(belief.sd_rad)
     return cost + FREE_AXIS_COST + FREE_AXIS_DENSITY_COST
