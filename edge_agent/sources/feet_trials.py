@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import structlog
@@ -22,7 +22,7 @@ from shared.units import NS_PER_S
 
 Side: TypeAlias = Literal["left", "right"]
 
-SIDES: tuple[Side, Side] = get_args(Side)
+SIDES: tuple[Side, Side] = ("left", "right")
 
 MOST_LOST_SHARE = 0.005
 """Of a foot's samples, which have no stamps of their own: when more were lost nobody knows."""
