@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -52,8 +53,10 @@ def _drop_stale(dispatcher: Dispatcher, function: Callable[..., object]) -> None
     """
     changed_ns = _sources_changed_ns(Path(inspect.getfile(function)).parent)
     for index in _indexes(dispatcher):
-        if index.stat().st_mtime_ns < changed_ns:
-            index.unlink(missing_ok=True)
+        # Another process that begins now may have forgotten it before.
+        with suppress(FileNotFoundError):
+            if index.stat().st_mtime_ns < changed_ns:
+                index.unlink()
 
 
 def _indexes(dispatcher: Dispatcher) -> list[Path]:

@@ -37,6 +37,16 @@ def load_npz(path: Path) -> dict[str, Array]:
         raise NpzFileError(f"{path}: not a whole .npz file ({error}); copy it again") from None
 
 
+def array_names(path: Path) -> frozenset[str]:
+    """Return the names of the arrays in the file, none if it is damaged or not there."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.namelist()
+    except (zipfile.BadZipFile, OSError):
+        return frozenset()
+    return frozenset(name.removesuffix(".npy") for name in members if name.endswith(".npy"))
+
+
 def array_of(path: Path, arrays: dict[str, Array], name: str, shape: tuple[int, ...]) -> Array:
     """Return the array ``name`` of ``path``; raise ``NpzFileError`` if it is not of ``shape``."""
     array = arrays[name]

@@ -54,6 +54,7 @@ def boots(
     runs: Positive = 1,
     mount: Mount = "boot",
     method: str | None = None,
+    equal_steps: bool = False,
     fusion: FusionMethod = "team",
     axis: bool = True,
     json: bool = False,
@@ -79,6 +80,8 @@ def boots(
         How the sensors were worn.
     method
         How the agents read them; the agents' own default for the mount if not given.
+    equal_steps
+        Take a waist's steps to be of equal length, instead of its place to be between its feet.
     fusion
         How tracks are made.
     axis
@@ -89,7 +92,7 @@ def boots(
     """
     try:
         with tempfile.TemporaryDirectory(prefix="clew-proof-") as folder:
-            logs = retrace(paths, mount, method, Path(folder))
+            logs = retrace(paths, mount, method, Path(folder), equal_steps=equal_steps)
     except (RehearsalError, OSError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE

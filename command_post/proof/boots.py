@@ -49,9 +49,12 @@ class BootLog(NamedTuple):
     truth_m: Floats
 
 
-def retrace(paths: list[str], mount: Mount, method: str | None, folder: Path) -> list[BootLog]:
+def retrace(
+    paths: list[str], mount: Mount, method: str | None, folder: Path, *, equal_steps: bool = False
+) -> list[BootLog]:
     """Let the agent read the recordings of a ``mount`` at ``paths``. Raises ``RehearsalError``."""
-    options = ("--mount", mount, *(() if method is None else ("--method", method)))
+    options = ["--mount", mount] + ["--equal-steps"] * equal_steps
+    options += [] if method is None else ["--method", method]
     with Children(folder, STOP_GRACE_S) as children:
         arguments = ("retrace", *paths, "--output", str(folder), "--with-parent", *options)
         children.start("edge_agent", "edge_agent", arguments)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -38,6 +39,7 @@ def retrace(
     output: Path,
     mount: MountName = "boot",
     method: MethodName | None = None,
+    equal_steps: Annotated[bool, Parameter(negative="")] = False,
     with_parent: Annotated[bool, Parameter(show=False)] = False,
 ) -> int:
     """Follow recordings offline, and write what their wearers' units would have published.
@@ -56,6 +58,9 @@ def retrace(
         How the sensor is worn.
     method
         How the mount reads it; its own default if not given.
+    equal_steps
+        Take a waist's steps, out and back, to be of equal length, instead of its place to be
+        between its feet as sensors on them tell.
     with_parent
         End when standard input closes.
 
@@ -65,7 +70,8 @@ def retrace(
     method = method or default_method(mount)
     try:
         output.mkdir(parents=True, exist_ok=True)
-        for trial in (trial for where in paths for trial in find_trials(where, 0, mount)):
+        found = (find_trials(where, 0, mount, by_feet=not equal_steps) for where in paths)
+        for trial in chain.from_iterable(found):
             _retrace(trial, mount, method, output)
     except (ConfigError, SourceError, ValueError, OSError) as error:
         _log.error(str(error))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -9,7 +10,9 @@ import numpy as np
 
 from edge_agent.evaluation.truth import Array, Truth
 from edge_agent.evaluation.vehicle_mountings import Slip
+from edge_agent.mounts.interface import Increment
 from edge_agent.sources.recording import Recording
+from shared.units import NS_PER_S
 
 ARRIVED_S = 2.0
 
@@ -47,6 +50,10 @@ class Waypoints:
         """Length of the way from point to point, straight."""
         return float(np.linalg.norm(np.diff(self.position_m, axis=0), axis=1).sum())
 
+    def at(self, time_s: Array) -> Array:
+        """Return places (n, 2) at ``time_s`` (n,): evenly from point to point, held beyond."""
+        return np.column_stack([np.interp(time_s, self.time_s, axis) for axis in self.position_m.T])
+
 
 @dataclass(frozen=True)
 class DrivenSpeed:
@@ -71,6 +78,30 @@ def out_and_back(truth: StepCount) -> Waypoints | None:
     gone_m = truth.distance_m * np.minimum(steps / steps[arrived], 1.0)
     north_m = 0.5 * truth.distance_m - np.abs(0.5 * truth.distance_m - gone_m)
     return Waypoints(truth.time_s, np.column_stack((north_m, np.zeros(len(north_m)))), truth)
+
+
+def out_along(increments: Sequence[Increment]) -> Waypoints:
+    """Return how far along its line a boot was that went out and back: at each stride's two ends.
+
+    ``increments`` are one or more, in order. The line leads from the start to the farthest stance;
+    what the boot, or its heading, strays from it is left out. Nothing is scaled: a tape says where
+    the mark was, the boot where they turned.
+    """
+    ends_m = np.cumsum([one.displacement_m[:2] for one in increments], axis=0)
+    farthest_m = ends_m[np.argmax(np.hypot(*ends_m.T))]
+    along_m = np.append(0.0, ends_m @ farthest_m / max(float(np.hypot(*farthest_m)), 1e-9))
+    time_ns = np.array([(one.start_time_ns, one.end_time_ns) for one in increments])
+    north_m = np.column_stack((along_m[:-1], along_m[1:])).ravel()
+    return Waypoints(time_ns.ravel() / NS_PER_S, np.column_stack((north_m, np.zeros(len(north_m)))))
+
+
+def stances_between(flights_s: Array) -> Array:
+    """Return when a foot stood (k + 1,) that flew as ``flights_s`` (k, 2) says: midway between.
+
+    Before the first flight and after the last, that is as it left, and as it landed.
+    """
+    middles_s = 0.5 * (flights_s[:-1, 1] + flights_s[1:, 0])
+    return np.concatenate((flights_s[:1, 0], middles_s, flights_s[-1:, 1]))
 
 
 @dataclass(frozen=True, eq=False)

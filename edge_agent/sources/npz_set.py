@@ -80,7 +80,7 @@ def _read(path: Path, *, needs_gyro: bool) -> NpzSet:
     rate_rad_s = _at(path, arrays, ("t_gyr_s", "gyr_rad_s"), time_s)
     field_gauss = _at(path, arrays, ("t_mag_s", "mag_gauss"), time_s)
     force_m_s2 = array_of(path, arrays, "acc_m_s2", (count, 3))
-    _refuse_other_units(path, force_m_s2, rate_rad_s)
+    refuse_other_units(path, force_m_s2, rate_rad_s)
     recording = Recording(
         np.round(time_s * NS_PER_S).astype(np.int64),
         force_m_s2,
@@ -104,7 +104,7 @@ def _stamped(recording: Recording) -> Recording:
     return replace(recording.rows(mended.rows), time_ns=time_ns)
 
 
-def _refuse_other_units(path: Path, force_m_s2: Array, rate_rad_s: Array | None) -> None:
+def refuse_other_units(path: Path, force_m_s2: Array, rate_rad_s: Array | None) -> None:
     """Refuse forces that are not mostly some gravity, and rates that nothing worn turns at."""
     with np.errstate(over="ignore"):
         size_m_s2 = np.linalg.norm(force_m_s2[np.isfinite(force_m_s2).all(axis=1)], axis=1)
@@ -188,14 +188,21 @@ def _course(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth |
 
 def _flight_ends(path: Path, arrays: dict[str, Array], time_s: Array) -> NDArray[np.int64]:
     """Return the samples (k,) at which a foot of either side lands, in order."""
+    ends = [flights_of(path, arrays, side, time_s)[:, 1] for side in ("left", "right")]
+    return np.sort(np.concatenate(ends))
+
+
+def flights_of(path: Path, arrays: dict[str, Array], side: str, time_s: Array) -> NDArray[np.int64]:
+    """Return the first and the last sample of each flight (k, 2) of a foot, lost ones counted.
+
+    ``time_s`` (n,) is when the samples of the recording were taken. Raises ``SourceError``.
+    """
+    name = f"truth_{side}_steps"
+    flights = array_of(path, arrays, name, (len(arrays.get(name, ())), 2))
     count = FLIGHT_RATE_HZ * (time_s[-1] - time_s[0]) + 1.0
-    ends = []
-    for name in ("truth_left_steps", "truth_right_steps"):
-        flights = array_of(path, arrays, name, (len(arrays[name]), 2))
-        if not ((flights == np.rint(flights)) & (flights >= 0) & (flights < count)).all():
-            raise SourceError(f"{path}: {name} holds what is no sample of it; export it again")
-        ends.append(flights[:, 1])
-    return np.sort(np.concatenate(ends)).astype(np.int64)
+    if not ((flights == np.rint(flights)) & (flights >= 0) & (flights < count)).all():
+        raise SourceError(f"{path}: {name} holds what is no sample of it; export it again")
+    return flights.astype(np.int64)
 
 
 def _stances(path: Path, arrays: dict[str, Array], time_s: Array) -> Truth | None:

@@ -13,6 +13,13 @@ import numpy as np
 from edge_agent.evaluation.course_truth import MountTruth
 from edge_agent.evaluation.truth import Height, truth_of_stances
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
+from edge_agent.sources.feet_trials import (
+    Side,
+    foot_beside,
+    has_feet,
+    trunk_between,
+    whole_feet,
+)
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.phone_export import METADATA, read_phone_export
 from edge_agent.sources.recording import Recording, SourceError
@@ -45,14 +52,17 @@ class Trial(NamedTuple):
     load: Callable[[], TrialData]
 
 
-def find_trials(where: str, seed: int, mount: MountName = "boot") -> list[Trial]:
+def find_trials(
+    where: str, seed: int, mount: MountName = "boot", *, by_feet: bool = False
+) -> list[Trial]:
     """Return the trials of a ``mount`` that ``where`` names, sorted by path.
 
     A file (``.npz`` or ``.csv``; a vehicle's is ``.npz``), a folder (all such files in it and
     below), a phone's export (``.zip``, or the folder with its ``metadata.csv``), or
     ``simulated:SCENARIO`` (each of its responders, walking as by ``seed``). A recording's group is
-    its folder. Raises ``SourceError`` if there is nothing there, ``ConfigError`` for a scenario
-    that cannot be used.
+    its folder. Where sensors were on both feet each foot is a boot, and ``by_feet``, a waist's
+    truth is where they were; what lacks samples of them is left out. Raises ``SourceError`` if
+    there is nothing there, ``ConfigError`` for a scenario that cannot be used.
     """
     if where.startswith(SIMULATED):
         refuse_unsimulated(mount)
@@ -80,15 +90,43 @@ def find_trials(where: str, seed: int, mount: MountName = "boot") -> list[Trial]
     if mount == "vehicle":
         trials = [one for file in files if file.suffix.lower() == ".npz" for one in _drives(file)]
     else:
+        feet_tell = mount == "boot" or (mount == "waist" and by_feet)
         trials = [
-            Trial(file.stem, file.resolve().parent.name, partial(reader, file))
+            one
             for file in files
-            if (reader := _reader(file, mount)) is not None
+            for one in (
+                _beside_feet(file, mount) if feet_tell and has_feet(file) else _of(file, mount)
+            )
         ]
     if not trials:
         kinds = ".npz" if mount == "vehicle" else ".npz and no .csv"
         raise SourceError(f"{where}: no {kinds} recording there; give one")
     return trials
+
+
+def _of(path: Path, mount: MountName) -> list[Trial]:
+    """Return the trial of one recording, if it is one."""
+    reader = _reader(path, mount)
+    group = path.resolve().parent.name
+    return [] if reader is None else [Trial(path.stem, group, partial(reader, path))]
+
+
+def _beside_feet(path: Path, mount: MountName) -> list[Trial]:
+    """Return the trials whose truth are the feet of one recording."""
+    group, sides = path.resolve().parent.name, whole_feet(path)
+    if mount == "boot":
+        return [
+            Trial(f"{path.stem}/{side}", group, partial(_read_foot, path, side)) for side in sides
+        ]
+    return [Trial(path.stem, group, partial(_read_between, path))] if sides else []
+
+
+def _read_foot(path: Path, side: Side) -> TrialData:
+    return TrialData(*foot_beside(path, side))
+
+
+def _read_between(path: Path) -> TrialData:
+    return TrialData(*trunk_between(path))
 
 
 def _drives(path: Path) -> list[Trial]:

@@ -11,6 +11,7 @@ import pytest
 from edge_agent.evaluation.score_card import TrialScore
 from edge_agent.evaluation.waist_score import score_waist
 from edge_agent.mounts.methods import MethodName, make_mount
+from edge_agent.sources.feet_trials import trunk_between, whole_feet
 from edge_agent.sources.trials import find_trials
 
 RESTED_SAMPLES = 130
@@ -93,3 +94,18 @@ def test_out_and_back_every_step_is_counted() -> None:
     assert row.worst_m <= 7.0
     assert row.steps_error_pct is not None
     assert abs(row.steps_error_pct) <= 1.0
+
+
+def test_by_their_feet_people_turn_beyond_the_mark(data_dir: Path) -> None:
+    """Ten metres of equal steps are not where they were, and both feet say so alike."""
+    farthest_m, ends_m = [], []
+    for path in sorted((data_dir / "waist_20m").glob("*.npz")):
+        if whole_feet(path):
+            along_m = trunk_between(path)[1].position_m[:, 0]
+            farthest_m.append(along_m.max())
+            ends_m.append(abs(along_m[-1]))
+    assert len(farthest_m) == 14
+    assert min(farthest_m) == pytest.approx(10.0, abs=0.05)
+    assert np.median(farthest_m) == pytest.approx(10.4, abs=0.05)
+    assert max(farthest_m) == pytest.approx(10.9, abs=0.05)
+    assert max(ends_m) == pytest.approx(1.1, abs=0.05)

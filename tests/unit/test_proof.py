@@ -15,7 +15,7 @@ from command_post.proof.trial import RESPONDER, summed_up, trial_settings, try_o
 from edge_agent.commands.retrace import retrace
 from shared.bus.wire_log import read_wire_log
 from shared.exercise import REHEARSAL_START_NS
-from shared.messages import DapInstallation, OdometryIncrement, RssiPeak, TrackStart
+from shared.messages import DapInstallation, Mount, OdometryIncrement, RssiPeak, TrackStart
 from shared.process import ExitCode
 from shared.simulation.chance import generator
 from shared.simulation.retraced import walk_along
@@ -135,12 +135,23 @@ def test_the_agent_retraces_a_recording_with_its_truth(data_dir: Path, tmp_path:
     assert sum(key.endswith(f"/{RESPONDER}/increment") for key in keys) >= 7
 
 
-def test_the_agent_retraces_a_belt_along_its_course(data_dir: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("mount", "equal_steps", "tracks", "truths", "moves"),
+    [("waist", True, 1, 34, 33), ("waist", False, 1, 35, 33), ("boot", False, 2, 35, 33)],
+)
+def test_the_agent_retraces_belts_and_feet_along_their_course(
+    data_dir: Path, tmp_path: Path, mount: Mount, equal_steps: bool,
+    tracks: int, truths: int, moves: int,
+) -> None:  # fmt: skip
     recording = data_dir / "waist_20m" / "10-1.npz"
     if not recording.is_file():
         pytest.skip("no waist_20m among the real recordings")
-    assert retrace([str(recording)], output=tmp_path, mount="waist") == ExitCode.OK
-    (log,) = tmp_path.glob("*.wire")
-    keys = [frame.key for frame in read_wire_log(log)]
-    assert sum(key.endswith(f"/{RESPONDER}/truth") for key in keys) == 34
-    assert 30 <= sum(key.endswith(f"/{RESPONDER}/increment") for key in keys) <= 36
+    told = retrace([str(recording)], output=tmp_path, mount=mount, equal_steps=equal_steps)
+    assert told == ExitCode.OK
+    logs = list(tmp_path.glob("*.wire"))
+    keys = [frame.key for log in logs for frame in read_wire_log(log)]
+    assert len(logs) == tracks
+    assert sum(key.endswith(f"/{RESPONDER}/truth") for key in keys) == truths
+    assert sum(key.endswith(f"/{RESPONDER}/increment") for key in keys) == pytest.approx(
+        moves, abs=3
+    )
