@@ -27,11 +27,11 @@ push and no shuffle."""
 SETTING_OUT_STEPS = 2
 """So many full steps at the beginning are told too short: the trunk does not bounce yet."""
 
-BEFORE_STEPS: dict[Stepping, float] = {"waist": 0.6, "chest": -0.4}
-AFTER_STEPS = 0.3
+BEFORE_STEPS: dict[Stepping, float] = {"waist": 0.6, "chest": 0.4}
+AFTER_STEPS: dict[Stepping, float] = {"waist": 0.3, "chest": 0.4}
 """How far the trunk has gone as the first full step begins, and has still to go as the last ends,
-in steps. As a foot lands the trunk is midway between both, and the push comes a tenth of a second
-later. What a chest tells first ends there, what a waist tells first begins there."""
+in steps. As a foot lands the trunk is midway between both; a waist's filter tells it a tenth of a
+second later."""
 
 
 def steady_length_m(increments: Sequence[Increment], mount: Stepping, *, arrives: bool) -> float:
@@ -56,7 +56,7 @@ def steady_length_m(increments: Sequence[Increment], mount: Stepping, *, arrives
     ends = BEFORE_STEPS[mount]
     if arrives:
         walked_m[-1] = usual_m
-        ends += AFTER_STEPS
+        ends += AFTER_STEPS[mount]
     return float(walked_m.sum()) + ends * usual_m
 
 

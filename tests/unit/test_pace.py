@@ -79,7 +79,7 @@ def steps(lengths_m: list[float], lasting_s: float = 0.5) -> list[Increment]:
 
 def test_soft_steps_at_either_end_count_as_the_steady_ones_do() -> None:
     walked = steps([0.2, 0.45, 0.55, *[0.6] * 20, 0.5, 0.1])
-    whole = BEFORE_STEPS["waist"] + 23 + AFTER_STEPS
+    whole = BEFORE_STEPS["waist"] + 23 + AFTER_STEPS["waist"]
     assert steady_length_m(walked, "waist", arrives=True) == pytest.approx(0.6 * whole)
     midway = steady_length_m(walked[:-2], "waist", arrives=False)
     assert midway == pytest.approx(0.6 * (BEFORE_STEPS["waist"] + 22))
