@@ -298,6 +298,7 @@ def watch_the_pace(
     told = Event()
 
     def watch(received: Received) -> None:
+        """Compare a message's time with the exercise's."""
         key = parse_key(received.key)
         message = key if isinstance(key, Refusal) else decode(key, received.payload)
         if isinstance(message, Refusal) or isinstance(key, Refusal) or told.is_set():

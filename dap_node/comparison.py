@@ -115,6 +115,7 @@ class _Bench:
         self._likelihood = {at: trials(_likelihood(settings, at)) for at in thresholds}
 
     def compare(self) -> Comparison:
+        """Return the rows of both rules, as configured and at other thresholds."""
         everything = set(self._names)
         configured = self._row(self._set_dbm, everything)
         names = list(dict.fromkeys(self._names))

@@ -145,7 +145,7 @@ class UnitSocket:
         try:
             client, _ = self._listening.accept()
         except BlockingIOError:
-            pass
+            pass  # nobody new
         else:
             client.setblocking(False)
             self._clients.append(client)

@@ -220,6 +220,7 @@ class _LiveRuns:
         self._past: dict[bytes, None] = {}
 
     def take(self, seal: Seal) -> Turned | None:
+        """Take a number; return why it is turned away, if it is."""
         if seal.run != self._run:
             if seal.run in self._past:
                 return "replayed"

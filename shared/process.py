@@ -132,6 +132,7 @@ def stop_on_signals() -> Iterator[threading.Event]:
     asked_s: float | None = None
 
     def ask(_number: int, _frame: FrameType | None) -> None:
+        """Ask for the end; end at once if that was asked for a while ago."""
         nonlocal asked_s
         if asked_s is None:
             asked_s = time.monotonic()
@@ -191,6 +192,7 @@ def interrupt_on_signals() -> None:
     asked_s: float | None = None
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
+        """Raise it once; end at once if that was done a while ago."""
         nonlocal asked_s
         if asked_s is None:
             asked_s = time.monotonic()
@@ -199,6 +201,7 @@ def interrupt_on_signals() -> None:
             os._exit(ExitCode.INTERRUPTED)
 
     def interrupt_again(ignored: sys.UnraisableHookArgs) -> None:
+        """Raise once more what was lost where nobody could catch it."""
         nonlocal asked_s
         if ignored.exc_type is not KeyboardInterrupt:
             sys.__unraisablehook__(ignored)

@@ -74,6 +74,7 @@ def time_answerer(clock: PacedClock, key: str = "", sign: Sign | None = None) ->
     """
 
     def answer(request: bytes) -> bytes | None:
+        """Say when the question was heard and when it is answered."""
         heard_ns = clock.now_ns()
         try:
             asked_ns = _questions.decode(request).asked_ns

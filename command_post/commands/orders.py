@@ -106,6 +106,7 @@ def click(
     """
 
     def fix(time_ns: int, sequence: int) -> Message:
+        """Say where they are."""
         place = LocalPosition(
             north_m=north, east_m=east, down_m=down, covariance_m2=(sd**2, 0.0, sd**2)
         )
@@ -149,6 +150,7 @@ def floor(
         return ExitCode.USAGE
 
     def fix(time_ns: int, sequence: int) -> Message:
+        """Say where they are."""
         return HeightFix(
             event_time_ns=time_ns, sequence=sequence,
             node="responder" if responder else "dap", node_id=node_id,

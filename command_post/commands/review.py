@@ -109,6 +109,7 @@ def _read_aside(past: Past) -> Iterator[None]:
     stop = threading.Event()
 
     def read() -> None:
+        """Read on until all is read or nobody wants it any more."""
         try:
             for _ in past.read():
                 if stop.is_set():

@@ -135,6 +135,7 @@ class _Node:
         self._beat: Beat | None = None
 
     def hear(self, key: Key, payload: bytes, now_ns: int) -> None:
+        """Count a message that came just now; a beat is kept."""
         self._heard_ns = now_ns
         self._counts.setdefault(key.topic, _Recently()).add(now_ns)
         seal = read_seal(payload)
@@ -153,6 +154,7 @@ class _Node:
         gone: int,
         useless: Mapping[str, int],
     ) -> Freshness:
+        """Return how fresh what is known of it is; see ``Freshness`` for the words."""
         role, node_id = node
         beat = self._beat
         clock = None if beat is None else beat.clock
@@ -214,6 +216,7 @@ class _SaidOnce:
         self._missed = _Recently()
 
     def hear(self, seal: Seal, now_ns: int) -> None:
+        """Count a number that came, and those it leaves out."""
         if seal.run != self._run:
             self._run, self._number = seal.run, seal.number - 1
         self._come.add(now_ns)

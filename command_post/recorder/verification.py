@@ -123,6 +123,7 @@ class _Account:
             self._repeated += not self._journals.setdefault(run, ReceivedNumbers()).take(number)
 
     def verification(self, recording: Recording) -> Verification:
+        """Return what all that was taken comes to."""
         report = recording.report
         return Verification(
             path=str(recording.path),

@@ -200,6 +200,7 @@ class _Unpickler(pickle.Unpickler):
     """Makes nothing but what a state consists of."""
 
     def find_class(self, module: str, name: str) -> Any:
+        """Return the class or function of that name; ``UnpicklingError`` if no state has it."""
         package = module.partition(".")[0]
         allowed = (
             package in _OWN | _OTHERS

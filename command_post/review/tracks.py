@@ -60,6 +60,7 @@ class _Responder:
         self._trail_m: list[Vector3] = []
 
     def add(self, at_ns: int, place_m: Vector3, spot: Spot) -> None:
+        """Add an estimate: when it was told, of which place, and where in the recording it is."""
         at_ns = max(at_ns, self._at_ns[-1]) if self._at_ns else at_ns
         if not self._trail_m or _apart_m(place_m, self._trail_m[-1]) >= TRAIL_SPACING_M:
             self._trail_m.append(place_m)

@@ -123,6 +123,7 @@ class _Api:
         do = getattr(self, call.name)
 
         async def handle(request: Request) -> Response:
+            """Let in who may, read what they bring, and answer."""
             if call.role is None:
                 session = self._session(request)
             else:

@@ -144,6 +144,7 @@ class _Review:
         await self._is_read(times_ns[-1])
 
         def told() -> list[Changes]:
+            """Return the changes, made on a thread of their own."""
             return [
                 self._past.changes(
                     before_ns, at_ns, with_roster=number % ROSTER_EVERY == ROSTER_EVERY - 1

@@ -34,6 +34,7 @@ class HandlerGuard:
         told = False
 
         def guarded(*args: P.args, **kwargs: P.kwargs) -> R | None:
+            """Call the handler; tell its first failure and count the others."""
             nonlocal told
             try:
                 return handler(*args, **kwargs)

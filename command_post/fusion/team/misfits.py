@@ -139,6 +139,7 @@ def best_ahead_s(solved: Solved, passes: Sequence[Pass], *, of_responder: bool) 
     sign = 1.0 if of_responder else -1.0
 
     def cost(ahead_s: float) -> float:
+        """Return how badly the passes agree, were the clock ahead by so much."""
         shifted = [
             each._replace(north_m=north_m, east_m=east_m)
             for each in passes
