@@ -321,7 +321,9 @@ def _follow(data: TrialData, setup: _Setup) -> tuple[list[Increment], float]:
     increments = mount.steps(data.samples) + mount.finish()
     elapsed_s = process_time() - began_s
     if setup.paced_m is not None and isinstance(data.truth, Waypoints):
-        scale = setup.told.step_scale * scale_over(increments, data.truth, setup.paced_m)
+        scale = setup.told.step_scale * scale_over(
+            increments, data.truth, setup.paced_m, "chest" if setup.mount == "chest" else "waist"
+        )
         mount = make_mount(setup.mount, setup.method, setup.told._replace(step_scale=scale))
         increments = mount.steps(data.samples) + mount.finish()
     return increments, elapsed_s

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Literal, NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import structlog
 from cyclopts import Parameter, validators
 from rich.console import Console
 
+from edge_agent.evaluation.pace import Stepping, steady_length_m
 from edge_agent.mounts.methods import MethodName, make_mount
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.recording import SourceError
 from shared.config import ConfigError
 from shared.messages import ImuSample
 from shared.process import ExitCode
-
-Stepping: TypeAlias = Literal["chest", "waist"]
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -39,9 +37,10 @@ def pace(
 ) -> int:
     """Tell the step scale of one wearer, by recordings of walks whose length is known.
 
-    The longer they walk, and the oftener, the better: single walks of 20 m differ by some 4 %. It
-    is for 'edge-agent run --step-scale'. Example: edge-agent pace csv:1.csv csv:2.csv --walked 50
-    --mount waist
+    From standing to standing, and straight on if it can be: steady steps tell the scale, those at
+    either end are taken to be as long. The longer the walk, and the oftener, the better: single
+    ones of 20 m differ by some 4 %. It is for 'edge-agent run --step-scale'. Example: edge-agent
+    pace csv:1.csv csv:2.csv --walked 50 --mount waist
 
     Parameters
     ----------
@@ -83,6 +82,4 @@ def _follow(source: str, mount: Stepping, method: MethodName | None) -> _Walk:
         if isinstance(sample, ImuSample) and (step := follower.step(sample)) is not None
     ]
     told += follower.finish()
-    return _Walk(
-        sum(one.steps for one in told), sum(math.hypot(*one.displacement_m) for one in told)
-    )
+    return _Walk(sum(one.steps for one in told), steady_length_m(told, mount, arrives=True))

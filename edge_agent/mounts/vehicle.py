@@ -32,6 +32,7 @@ from edge_agent.inertial.vehicle_tracker import Second, VehicleTracker
 from edge_agent.mounts.drive_increment import Drive, drive_increments
 from edge_agent.mounts.intake import Intake, Verdict
 from edge_agent.mounts.interface import Faults, Increment
+from edge_agent.mounts.lone_spikes import LoneSpikes
 from edge_agent.sources.recording import Recording
 from shared.maths.angles import wrap_rad
 from shared.maths.rotations import Vector3, angle_between_rad, rotate
@@ -76,6 +77,7 @@ class VehicleMount:
         self.faults = Faults()
         self.acceleration_m_s2: Vector3 | None = None
         self._wheelbase_m = wheelbase_m
+        self._spikes = LoneSpikes(self.faults)
         self._intake = Intake(self.faults, GAP_S, stuck_s=STUCK_S)
         self._known: KnownSpeed | None = None
         self._stood: Stood | None = None
@@ -133,6 +135,11 @@ class VehicleMount:
 
     def step(self, sample: ImuSample) -> Increment | None:
         """Take in the next sample; return the movement that it completes, if it does."""
+        for one in self._spikes.take(sample):
+            self._judge(one)
+        return self._done.popleft() if self._done else None
+
+    def _judge(self, sample: ImuSample) -> None:
         verdict = self._intake.judge(sample)
         if verdict is not Verdict.PASS:
             last_ns, self._last_ns = self._last_ns, sample.time_ns
@@ -143,7 +150,6 @@ class VehicleMount:
                     self._bridge(last_ns, sample.time_ns)
                 self._begin_anew(max(gap_s, LONGEST_GAP_S))
             self._take(sample)
-        return self._done.popleft() if self._done else None
 
     def steps(self, samples: Recording) -> list[Increment]:
         """Take in samples in order; return the movements that they complete."""
@@ -151,6 +157,8 @@ class VehicleMount:
 
     def finish(self) -> list[Increment]:
         """Return the movements not yet told: no more samples will come."""
+        for one in self._spikes.finish():
+            self._judge(one)
         self._tell_pending()
         done, self._done = list(self._done), deque()
         return done

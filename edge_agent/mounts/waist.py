@@ -28,7 +28,7 @@ from edge_agent.mounts.interface import Faults, Increment
 from edge_agent.mounts.step_increment import Direction, step_ahead
 from edge_agent.sources.recording import Recording
 from shared.maths.angles import wrap_rad
-from shared.maths.rotations import UP, Quaternion, inverse, rotate
+from shared.maths.rotations import UP, Quaternion, Vector3, angle_between_rad, inverse, rotate
 from shared.messages import ImuSample
 from shared.units import NS_PER_S
 
@@ -46,7 +46,8 @@ KNOWN_AFTER_STEPS = 4
 """So many steps say which way is ahead, and those before them as well."""
 
 AHEAD_SD_RAD = 0.17
-"""How well ahead is known then."""
+"""How well ahead is known then. It is held: what steps tell of it later differs by a degree or two,
+which would bend a straight way. A unit that seems to be turned by more than this has slipped."""
 
 STANDARD_GRAVITY_M_S2 = 9.81
 
@@ -87,6 +88,7 @@ class WaistMount:
         self._even = EvenSamples()
         self._attitude = TrunkAttitude()
         self._ahead = WalkingDirection(EVEN_RATE_HZ)
+        self._ahead_held: Vector3 = (0.0, 0.0, 0.0)
         self._compass = MagneticHeading()
         self._frame: Heading | None = None
         self._frame_turn_rad = 0.0
@@ -233,7 +235,8 @@ class WaistMount:
         self._waiting = []
 
     def _increment(self, waiting: _Step) -> Increment:
-        ahead = [rotate(attitude, self._ahead.ahead) for attitude in waiting.nav_from_sensor]
+        ahead_in_sensor = self._held_ahead()
+        ahead = [rotate(attitude, ahead_in_sensor) for attitude in waiting.nav_from_sensor]
         course_rad = heading_of_mean(ahead)
         if self._frame is None:
             self._frame = self._frame_by(course_rad)
@@ -247,6 +250,13 @@ class WaistMount:
             heading_rad, d_heading_rad, waiting.turn_rad2, course_rad, AHEAD_SD_RAD
         )
         return step_ahead(waiting.step, waiting.length_m, direction)
+
+    def _held_ahead(self) -> Vector3:
+        """Return ahead in the sensor's axes, as it was first known unless the unit has slipped."""
+        ahead, held = self._ahead.ahead, self._ahead_held
+        if not any(held) or (any(ahead) and angle_between_rad(ahead, held) > AHEAD_SD_RAD):
+            self._ahead_held = ahead
+        return self._ahead_held
 
     def _corrected(self, waiting: _Step, course_rad: float) -> float:
         """Return the course of a step without what the gyro is found to have drifted."""

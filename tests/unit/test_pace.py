@@ -10,10 +10,11 @@ import pytest
 
 from edge_agent.__main__ import app
 from edge_agent.evaluation.course_truth import Waypoints
-from edge_agent.evaluation.pace import scale_over
+from edge_agent.evaluation.pace import AFTER_STEPS, BEFORE_STEPS, scale_over, steady_length_m
 from edge_agent.mounts.interface import Increment
 from edge_agent.mounts.methods import MethodName, MountName, Told, make_mount
 from shared.process import ExitCode
+from shared.units import NS_PER_S
 from tests.bouncing_phone import Phone
 
 
@@ -60,14 +61,39 @@ def test_a_walk_of_known_length_tells_the_scale(
     assert app(wrong, exit_on_error=False, result_action="return_value") == ExitCode.USAGE
 
 
+def steps(lengths_m: list[float], lasting_s: float = 0.5) -> list[Increment]:
+    """Return steps straight north, of these lengths and all as quick, one after another."""
+    return [
+        Increment(
+            round(k * lasting_s * NS_PER_S),
+            round((k + 1) * lasting_s * NS_PER_S),
+            (length_m, 0.0, 0.0),
+            0.0,
+            0.0,
+            (0.0,) * 10,
+            (),
+        )
+        for k, length_m in enumerate(lengths_m)
+    ]
+
+
+def test_soft_steps_at_either_end_count_as_the_steady_ones_do() -> None:
+    walked = steps([0.2, 0.45, 0.55, *[0.6] * 20, 0.5, 0.1])
+    whole = BEFORE_STEPS["waist"] + 23 + AFTER_STEPS["waist"]
+    assert steady_length_m(walked, "waist", arrives=True) == pytest.approx(0.6 * whole)
+    midway = steady_length_m(walked[:-2], "waist", arrives=False)
+    assert midway == pytest.approx(0.6 * (BEFORE_STEPS["waist"] + 22))
+    assert steady_length_m([], "waist", arrives=True) == 0.0
+
+
 def test_the_first_metres_tell_the_scale_and_no_others() -> None:
-    told = walk("chest", "robust", 1.0)
-    ends_s = [one.end_time_ns / 1e9 for one in told]
-    way_m = np.cumsum([one.displacement_m for one in told], axis=0)[:, :2]
+    walked = steps([0.6] * 40)
+    ends_s = np.array([one.end_time_ns / NS_PER_S for one in walked])
+    ahead_m = 0.6 * (BEFORE_STEPS["waist"] + np.arange(1, 41))
+    true_m = 1.2 * np.minimum(ahead_m, 12.0) + 1.5 * np.maximum(ahead_m - 12.0, 0.0)
     truth = Waypoints(
-        np.array([0.0, *ends_s]),
-        1.2 * np.vstack(([0.0, 0.0], way_m)) * np.linspace(1.0, 1.3, len(told) + 1)[:, None],
+        np.append(0.0, ends_s), np.column_stack((np.append(0.0, true_m), np.zeros(41)))
     )
-    assert scale_over(told, truth, 0.1) == pytest.approx(1.2, rel=0.05)
-    assert scale_over(told, truth, 8.0) > 1.3
-    assert scale_over(told, truth, 1e3) == 1.0
+    assert scale_over(walked, truth, 8.0, "waist") == pytest.approx(1.2)
+    assert scale_over(walked, truth, 25.0, "waist") > 1.25
+    assert scale_over(walked, truth, 1e3, "waist") == 1.0

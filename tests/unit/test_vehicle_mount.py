@@ -73,6 +73,25 @@ def test_speed_and_heading_hold_through_turns_a_stop_and_slips(lie: Lie | None) 
     assert stood_s == 0, "standing tells nothing"
 
 
+def test_single_wild_readings_are_left_out() -> None:
+    truth = town()
+    chance = default_rng(5)
+    wild = chance.random(len(truth.recording)) < 0.005
+    force_m_s2, rate_rad_s = (
+        readings + wild[:, None] * spread * chance.normal(size=readings.shape)
+        for readings, spread in (
+            (truth.recording.force_m_s2, 100.0),
+            (truth.recording.rate_rad_s, 10.0),
+        )
+    )
+    mount = VehicleMount()
+    mount.know_speed(8.0, 0.1)
+    told = mount.steps(replace(truth.recording, force_m_s2=force_m_s2, rate_rad_s=rate_rad_s))
+    told += mount.finish()
+    assert mount.faults.unusable == wild.sum()
+    assert np.sqrt(np.mean(speed_errors_m_s(told, truth) ** 2)) < 1.0
+
+
 def test_a_start_from_rest_needs_no_speed_told() -> None:
     truth = drive(((0.0, 0.0), (4.0, 0.0), (12.0, 12.0), (20.0, 11.0), (30.0, 12.0)))
     turned = mounted(truth.recording, "any", default_rng(3)).recording
