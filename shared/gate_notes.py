@@ -23,12 +23,10 @@ class JournalNotes(msgspec.Struct, array_like=True, frozen=True):
 
 
 class LiveNotes(msgspec.Struct, array_like=True, frozen=True):
-    """Of a key that is in no journal: the run it is in, its last number, the runs it has left."""
+    """Of a key that is in no journal: the newest number of each run, the last heard at the end."""
 
     key: str
-    run: bytes
-    number: int
-    past: list[bytes]
+    numbers: list[tuple[bytes, int]]
 
 
 class GateNotes(msgspec.Struct, array_like=True, frozen=True):
@@ -44,7 +42,7 @@ def noted(remembered: Remembered) -> GateNotes:
         JournalNotes(*journal, numbers.highest, list(numbers.holes()), remembered.gone[journal])
         for journal, numbers in remembered.journals.items()
     ]
-    live = [LiveNotes(key, of.run, of.number, of.past) for key, of in remembered.live.items()]
+    live = [LiveNotes(key, of.numbers) for key, of in remembered.live.items()]
     return GateNotes(journals, live)
 
 
@@ -53,6 +51,6 @@ def recalled(notes: GateNotes) -> Remembered:
     journals = {JournalRun(each.role, each.node_id, each.run): each for each in notes.journals}
     return Remembered(
         {run: ReceivedNumbers.of_holes(of.highest, of.holes) for run, of in journals.items()},
-        {of.key: LiveRuns(of.run, of.number, of.past) for of in notes.live},
+        {of.key: LiveRuns(of.numbers) for of in notes.live},
         Counter({run: of.gone for run, of in journals.items() if of.gone}),
     )
