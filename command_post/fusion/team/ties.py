@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 from command_post.fusion.team.chain import Chain
-from command_post.fusion.team.log import Installed, Peak, TeamLog
+from command_post.fusion.team.log import Installed, Peak, ResponderLog, TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from shared.messages import LocalPosition
 from shared.units import NS_PER_S
@@ -126,7 +126,7 @@ def _pass_ties(
     """Return a responder's passes of DAPs, each tied to where the DAP then stood, if it did."""
     heard = log.responders[chains[index].responder_id]
     ties = []
-    for peak in _passes(heard.peaks, heard.nears, until_ns, settings):
+    for peak in _passes(heard, until_ns, settings):
         standing = stands.get(peak.other_id, [])
         at = bisect_right(standing, peak.time_ns, key=lambda each: each.time_ns)
         if at and not standing[at - 1].is_taken_up:
@@ -190,18 +190,17 @@ def _tie(
     return Tie(chain, time_ns, *chains[chain].nearest(time_ns), place, sd_m, dof)
 
 
-def _passes(
-    peaks: list[Peak], nears: list[Peak], until_ns: int, settings: TeamSettings
-) -> list[Peak]:
-    """Return the peaks sharp enough; of a DAP that tells none, the strongest of each stay."""
-    told = {peak.other_id for peak in peaks}
-    passes = [
-        peak
-        for peak in peaks
-        if peak.time_ns <= until_ns and peak.peak_dbm >= settings.sharpness.least_dbm
-    ]
+def _passes(heard: ResponderLog, until_ns: int, settings: TeamSettings) -> list[Peak]:
+    """Return the peaks sharp enough; of a DAP that tells none, the strongest of each stay.
+
+    The faint ones are returned of who was never tied to anything by those.
+    """
+    told = {peak.other_id for peak in heard.peaks}
+    passes = _as_loud(heard.peaks, until_ns, settings.sharpness.least_dbm)
+    if not passes and all(start.tied_ns is None for start in heard.starts):
+        passes = _as_loud(heard.peaks, until_ns, settings.sharpness.faint_dbm)
     stays: dict[str, Peak] = {}
-    for near in nears:
+    for near in heard.nears:
         if near.time_ns > until_ns or near.other_id in told:
             continue
         best = stays.get(near.other_id)
@@ -213,6 +212,10 @@ def _passes(
             passes.append(best)
         stays[near.other_id] = near
     return sorted([*passes, *stays.values()])
+
+
+def _as_loud(peaks: list[Peak], until_ns: int, least_dbm: float) -> list[Peak]:
+    return [each for each in peaks if each.time_ns <= until_ns and each.peak_dbm >= least_dbm]
 
 
 def _meetings(contacts: list[Peak], until_ns: int, settings: TeamSettings) -> list[Peak]:
