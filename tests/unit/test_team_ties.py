@@ -64,6 +64,22 @@ def test_two_daps_passed_at_once_are_shadowed_apart() -> None:
     assert sd_m(assembled_of(log)) == pytest.approx(SETTINGS.sharpness.sd_at_m(-40.0))
 
 
+@pytest.mark.parametrize(
+    ("peaks_dbm", "used_dbm"),
+    [([-51.0], [-51.0]), ([-51.0, -40.0], [-40.0]), ([-55.0], [])],
+)
+def test_a_faint_peak_is_used_of_who_passed_nothing_nearer(
+    peaks_dbm: list[float], used_dbm: list[float]
+) -> None:
+    log = TeamLog()
+    walk(log, "r1")
+    log.add_dap("dap1", installation(0.0, None, (8.0, 0.0)))
+    for k, peak_dbm in enumerate(peaks_dbm):
+        log.add_peak("dap1", peak_at(8.0 + 9.0 * k, "r1", peak_dbm))
+    used_m = [SETTINGS.sharpness.sd_at_m(each) for each in used_dbm]
+    assert sd_m(assembled_of(log)).tolist() == pytest.approx(used_m)
+
+
 @pytest.mark.parametrize(("stride_m", "blunter"), [(0.3, math.sqrt(2.0)), (1.2, 1.0)])
 def test_who_go_slowly_side_by_side_meet_once(stride_m: float, blunter: float) -> None:
     once, twice = TeamLog(), TeamLog()

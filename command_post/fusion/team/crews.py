@@ -83,6 +83,7 @@ class Bonds:
         self.began_ns: dict[str, int] = {}
         self.passed_ns: dict[str, dict[str, int]] = {}
         self.met_ns: dict[tuple[str, str], int] = {}
+        self._faint: set[tuple[str, str]] = set()
 
     def note_began(self, responder_id: str, time_ns: int) -> bool:
         """Note that a responder started or moved."""
@@ -91,6 +92,10 @@ class Bonds:
     def note_passed(self, responder_id: str, dap_id: str, time_ns: int) -> bool:
         """Note that a responder passed a DAP."""
         return _note(self.passed_ns.setdefault(responder_id, {}), dap_id, time_ns)
+
+    def note_faint(self, responder_id: str, dap_id: str) -> None:
+        """Note that a DAP heard a responder from afar, which ties nobody to anybody."""
+        self._faint.add((responder_id, dap_id))
 
     def note_met(self, one_id: str, other_id: str, time_ns: int) -> bool:
         """Note that two responders met."""
@@ -102,8 +107,9 @@ class Bonds:
         return sum(time_ns <= until_ns for time_ns in self.began_ns.values())
 
     def concerned(self, dap_id: str, installs: Iterable[Installed]) -> frozenset[str]:
-        """Return whom a DAP concerns: who passed it, who set it down, and who began first."""
+        """Return whom a DAP concerns: who passed it, near or far, set it down, or began first."""
         passed = {who for who, daps in self.passed_ns.items() if dap_id in daps}
+        passed |= {who for who, faint_id in self._faint if faint_id == dap_id}
         by = {each.installer_id for each in installs if each.installer_id is not None}
         first = sorted(self.began_ns, key=lambda who: (self.began_ns[who], who))[:1]
         return frozenset({*passed, *by, *first})

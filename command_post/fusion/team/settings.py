@@ -17,12 +17,14 @@ Radians: TypeAlias = Annotated[float, Meta(gt=0.0, le=100.0)]
 class Sharpness(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How near somebody passed whose signal peaked so high: ``sd_m`` at ``peak_dbm``, ascending.
 
-    Between two it is interpolated. Peaks below ``least_dbm`` say too little to be used.
+    Between two it is interpolated. Peaks below ``least_dbm`` say too little to be used, but of who
+    has passed nothing nearer those down to ``faint_dbm`` are: a little is more than nothing.
     """
 
     peak_dbm: tuple[float, ...] = (-58.0, -54.0, -50.0, -46.0, -42.0, -38.0)
     sd_m: tuple[float, ...] = (5.5, 3.8, 2.9, 1.5, 0.8, 0.6)
     least_dbm: float = -48.0
+    faint_dbm: float = -54.0
     dof: Annotated[float, Meta(ge=1.0, le=1000.0)] = 4.0
 
     def __post_init__(self) -> None:

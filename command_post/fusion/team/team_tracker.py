@@ -272,6 +272,7 @@ class TeamTracker:
 
     def _note_peak(self, dap_id: str, event: RssiPeak) -> bool:
         if event.peak_dbm < self._settings.sharpness.least_dbm:
+            self._bonds.note_faint(event.responder_id, dap_id)
             return False
         return self._bonds.note_passed(event.responder_id, dap_id, event.event_time_ns)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from command_post.fusion.team.chain import Chain
-from command_post.fusion.team.log import Peak, TeamLog
+from command_post.fusion.team.log import Peak, ResponderLog, TeamLog
 from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from shared.compiled import compiled
@@ -160,7 +160,7 @@ def _pass_ties(
     heard = log.responders[chains[index].responder_id]
     places: list[PlaceId] = []
     times_ns, sds_m = [], []
-    for time_ns, dap_id, peak_dbm in _passes(heard.peaks, heard.nears, until_ns, settings):
+    for time_ns, dap_id, peak_dbm in _passes(heard, until_ns, settings):
         standing = stands.get(dap_id)
         at = bisect_right(standing.since_ns, time_ns) if standing else 0
         place = standing.place[at - 1] if standing and at else None
@@ -249,18 +249,17 @@ def _ties(
     )  # fmt: skip
 
 
-def _passes(
-    peaks: list[Peak], nears: list[Peak], until_ns: int, settings: TeamSettings
-) -> list[Peak]:
-    """Return the peaks sharp enough; of a DAP that tells none, the strongest of each stay."""
-    told = {peak.other_id for peak in peaks}
-    passes = [
-        peak
-        for peak in peaks
-        if peak.time_ns <= until_ns and peak.peak_dbm >= settings.sharpness.least_dbm
-    ]
+def _passes(heard: ResponderLog, until_ns: int, settings: TeamSettings) -> list[Peak]:
+    """Return the peaks sharp enough; of a DAP that tells none, the strongest of each stay.
+
+    The faint ones are returned of who was never tied to anything by those.
+    """
+    told = {peak.other_id for peak in heard.peaks}
+    passes = _as_loud(heard.peaks, until_ns, settings.sharpness.least_dbm)
+    if not passes and all(start.tied_ns is None for start in heard.starts):
+        passes = _as_loud(heard.peaks, until_ns, settings.sharpness.faint_dbm)
     stays: dict[str, Peak] = {}
-    for near in nears:
+    for near in heard.nears:
         if near.time_ns > until_ns or near.other_id in told:
             continue
         best = stays.get(near.other_id)
@@ -272,6 +271,10 @@ def _passes(
             passes.append(best)
         stays[near.other_id] = near
     return sorted([*passes, *stays.values()])
+
+
+def _as_loud(peaks: list[Peak], until_ns: int, least_dbm: float) -> list[Peak]:
+    return [each for each in peaks if each.time_ns <= until_ns and each.peak_dbm >= least_dbm]
 
 
 def _meetings(contacts: list[Peak], until_ns: int, settings: TeamSettings) -> list[Peak]:
