@@ -198,7 +198,8 @@ def _with_axis(
     def cost(tried: Solved) -> float:
         # Hysteresis: of two axes the one held so far has the better of a tie. Whether there is one
         # at all the evidence says alone: both too late, a wrong one and a right one cost metres.
-        is_other = _is_other(tried.belief, before.belief)
+        # Of who is alone it has to say so loudly: one drift of theirs turns all their legs.
+        is_other = _is_other(tried.belief, before.belief, alone=len(found.assembled.chains) == 1)
         return _belief_cost(tried, settings) + (settings.adopt_gain if is_other else 0.0)
 
     unheld = under(NO_AXIS._replace(units=held))
@@ -219,13 +220,15 @@ def _with_axis(
     return min(trials, key=cost)
 
 
-def _is_other(one: AxisBelief, held: AxisBelief) -> bool:
+def _is_other(one: AxisBelief, held: AxisBelief, *, alone: bool) -> bool:
     """Whether one is of an axis, and not of that which is held, if one is.
 
-    That an axis may be any says nothing against the one given.
+    That an axis may be any says nothing against the one given. Of who is ``alone`` it is another
+    one as well if just one of the two is of an axis.
     """
-    is_same = (one.mode, one.axis_rad) == (held.mode, held.axis_rad)
-    return held.mode == "given" and one.mode != "none" and not is_same
+    if "none" in (one.mode, held.mode):
+        return alone and one.mode != held.mode
+    return held.mode == "given" and (one.mode, one.axis_rad) != (held.mode, held.axis_rad)
 
 
 def _may_be_planned(free: Solved, held: AxisBelief, settings: TeamSettings) -> bool:
