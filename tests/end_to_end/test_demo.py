@@ -82,7 +82,7 @@ linux = pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc to se
 
 def test_the_published_scenario_runs_to_its_score(tmp_path: Path) -> None:
     ended = subprocess.run(
-        demo_arguments(tmp_path, "four_daps", 25.0),
+        demo_arguments(tmp_path, "four_daps", 10.0),
         capture_output=True, check=False, timeout=DEMO_DEADLINE_S,
     )  # fmt: skip
     assert ended.returncode == ExitCode.OK, ended.stderr.decode()
