@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from command_post.fusion.team.graph import FIRST_UNIT, Graph, with_columns
+from command_post.fusion.team.graph import FIRST_UNIT, SCALE_DOF, Graph, with_columns
 from command_post.fusion.team.marginals import ENDS_ONLY, EVERY_NODE, NO_COVARIANCE
+from command_post.fusion.team.residuals import cost_of
 from command_post.fusion.team.smoother import log_determinant, smooth
 from command_post.fusion.team.smoother_plain import smooth_plainly
 
 Floats = NDArray[np.float64]
-LENGTHS = (9, 1, 14)
+LENGTHS = (9, 1, 30)
 PLACES = 4
 UNITS = 4
 UNIT_SD = np.array([0.02, 0.001, 0.02, 0.001, 0.25, 0.001, 0.02, 0.003])
@@ -116,14 +117,19 @@ def test_of_what_nothing_else_tells_the_size_a_larger_map_is_as_good() -> None:
         place=graph.place * [1.0, 1.0, 1e9], tie=graph.tie * [0.0, 0.0, 1.0, 1.0, 0.0, 0.0],
     )  # fmt: skip
     larger, places = arrow.copy(), FIRST_UNIT + 2 * UNITS
-    larger[FIRST_UNIT:places:2] = 1.2 * (1.0 + arrow[FIRST_UNIT:places:2]) - 1.0
+    scales = slice(FIRST_UNIT, places, 2)
+    larger[scales] = 1.2 * (1.0 + arrow[scales]) - 1.0
     larger[places:] *= 1.2
-    known = [float(((each[FIRST_UNIT:places] / 0.09) ** 2).sum()) for each in (arrow, larger)]
-    costs = [
-        smooth(knowing_nothing, a_pose, an_arrow, 1, 0.0, NO_COVARIANCE)[0]
-        for a_pose, an_arrow in ((pose.copy(), arrow), (pose * [1.2, 1.2, 1.0], larger))
+    of_ways = [
+        cost_of(knowing_nothing, a_pose, an_arrow) - cost_of_scales(an_arrow[scales] / 0.09)
+        for a_pose, an_arrow in ((pose, arrow), (pose * [1.2, 1.2, 1.0], larger))
     ]
-    assert costs[1] - known[1] == pytest.approx(costs[0] - known[0], rel=1e-9)
+    assert of_ways[1] == pytest.approx(of_ways[0], rel=1e-9)
+
+
+def cost_of_scales(normalised: Floats) -> float:
+    """Return what Student's t says against scales, in standard deviations."""
+    return float((SCALE_DOF + 1.0) * np.log1p(normalised**2 / SCALE_DOF).sum())
 
 
 def test_equations_without_a_solution_cost_infinitely_much() -> None:

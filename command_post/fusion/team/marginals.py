@@ -7,9 +7,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from command_post.fusion.team.elimination import times_inverse, wing_of
+from command_post.fusion.team.elimination import run_column, times_inverse, wing_of
 from command_post.fusion.team.graph import Graph
-from command_post.fusion.team.normal_equations import System
+from command_post.fusion.team.normal_equations import RUN_AXIS, RUN_WIDTH, System
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -41,35 +41,81 @@ def marginals(graph: Graph, system: System, shared: Floats, which: int) -> Float
     """
     chains = graph.first.size - 1
     found = np.zeros((graph.width.size if which == EVERY_NODE else chains, 6))
+    inverse, link, bare, kept = system.inverse, system.link, system.bare, system.kept
+    wings, wing_at = system.wing, system.wing_at
+    of_run, run_room = np.zeros((RUN_WIDTH, RUN_WIDTH)), _room(RUN_WIDTH)
     for chain in range(chains):
-        start, end = graph.first[chain], graph.first[chain + 1]
         columns = graph.columns[graph.columns_first[chain] : graph.columns_first[chain + 1]]
         own = np.zeros((columns.size, columns.size))
         for row in range(columns.size):
             for column in range(columns.size):
                 own[row, column] = shared[columns[row], columns[column]]
-        room = _Room(
-            np.zeros((3, 3)), np.zeros((3, columns.size)), np.zeros((3, columns.size)),
-            np.zeros((3, columns.size)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)),
-        )  # fmt: skip
-        last = start if which == EVERY_NODE else end - 1
-        for a in range(end - 1, last - 1, -1):
-            wing = wing_of(system.wing, system.wing_at, a)
-            times_inverse(system.inverse, a, wing, room.g)
-            _minus_times(room.g, own, wing.shape[1], room.to_arrow)
-            _go_back(system.inverse, system.link, a, wing.shape[1], room)
-            row, block = a if which == EVERY_NODE else chain, room.block
-            found[row, 0], found[row, 1], found[row, 2] = block[0, 0], block[0, 1], block[1, 1]
-            found[row, 3], found[row, 4], found[row, 5] = block[2, 2], block[0, 2], block[1, 2]
+        room = _room(columns.size)
+        a = graph.first[chain + 1] - 1
+        _go_back(inverse, link, a, wing_of(wings, wing_at, a), own, room)
+        _tell(room.block, found, a if which == EVERY_NODE else chain)
+        while which == EVERY_NODE and a > graph.first[chain]:
+            onward, a = a, kept[a - 1]
+            scale_at = system.scale_at[a]
+            _begin_run(scale_at, room, run_room)
+            _go_back(inverse, link, a, wing_of(wings, wing_at, a), own, room)
+            _tell(room.block, found, a)
+            if onward > a + 1:
+                _end_run(scale_at, own, room, of_run, run_room)
+            for b in range(onward - 1, a, -1):
+                _go_back(inverse, link, b, bare[b], of_run, run_room)
+                _tell(run_room.block, found, b)
     return found
 
 
 @compiled
-def _go_back(inverse: Floats, link: Floats, a: int, width: int, room: _Room) -> None:
-    """Go from the next node's covariance to ``a``'s, ``to_arrow`` being −G Σ as yet.
+def _room(width: int) -> _Room:
+    return _Room(
+        np.zeros((3, 3)), np.zeros((3, width)), np.zeros((3, width)), np.zeros((3, width)),
+        np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)),
+    )  # fmt: skip
+
+
+@compiled
+def _tell(block: Floats, found: Floats, row: int) -> None:
+    """Write a node's covariance (3, 3) into its row of what is found."""
+    found[row, 0], found[row, 1], found[row, 2] = block[0, 0], block[0, 1], block[1, 1]
+    found[row, 3], found[row, 4], found[row, 5] = block[2, 2], block[0, 2], block[1, 2]
+
+
+@compiled
+def _begin_run(scale_at: int, room: _Room, run_room: _Room) -> None:
+    """Keep of the kept node after a run what its bare nodes need."""
+    run_room.block[:] = room.block
+    for column in range(RUN_AXIS, RUN_WIDTH):
+        run_room.cross[:, column] = room.cross[:, run_column(scale_at, column)]
+
+
+@compiled
+def _end_run(scale_at: int, own: Floats, room: _Room, of_run: Floats, run_room: _Room) -> None:
+    """Write the covariance of a run's six columns, and that of the kept nodes at its ends."""
+    for row in range(3):
+        for column in range(3):
+            of_run[row, column] = room.block[row, column]
+            run_room.cross[column, row] = room.to_next[row, column]
+        for column in range(RUN_AXIS, RUN_WIDTH):
+            of_run[row, column] = room.cross[row, run_column(scale_at, column)]
+            of_run[column, row] = of_run[row, column]
+    for row in range(RUN_AXIS, RUN_WIDTH):
+        for column in range(RUN_AXIS, RUN_WIDTH):
+            at = run_column(scale_at, row)
+            of_run[row, column] = own[at, run_column(scale_at, column)]
+
+
+@compiled
+def _go_back(inverse: Floats, link: Floats, a: int, wing: Floats, own: Floats, room: _Room) -> None:
+    """Go from the next node's covariance to ``a``'s, ``own`` being that of its wing's columns.
 
     Behind the last node of a chain all is nought, as is its link.
     """
+    width = wing.shape[1]
+    times_inverse(inverse, a, wing, room.g)
+    _minus_times(room.g, own, width, room.to_arrow)
     block, cross, g, to_arrow, f, to_next, product = room
     _times_transposed(g, cross, width, product)
     for row in range(3):

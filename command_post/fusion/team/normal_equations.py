@@ -42,11 +42,23 @@ TABLES = 5
 MOVE, TIE, FIX, TURN, STRAIGHT = range(TABLES)
 """Columns of ``System.rows``."""
 
+RUN_AXIS, RUN_SCALE, RUN_WIDTH = 3, 4, 6
+"""Columns of a bare node: the three of the kept node before it, axis, scale and drift."""
+
 
 class System(NamedTuple):
     """The normal equations: blocks of nodes (n, 3, 3), of each with the next, with the arrow.
 
-    ``wing`` is flat: node ``a`` has three rows of ``width[a]`` from ``wing_at[a]``. ``inverse``
+    A node is *bare* where its chain goes on in one unit, and nothing ties it to a place: all that
+    it has to do with the arrow are the axis, scale and drift. The others are *kept*, and so are the
+    ends of each chain. ``kept`` (n,) is the kept node that a bare one comes after, or the node
+    itself. Bare nodes are eliminated first, from each kept node to the next, and what they leave
+    links those two: so few nodes have to do with a whole arrow, and ``link`` is of each with the
+    next at first, then of each kept one with the next kept.
+
+    ``wing`` is flat: a kept node has three rows of its ``width`` (see the graph) from ``wing_at``.
+    ``bare`` (n, 3, 6) is of bare ones with their six columns. ``scale_at`` (n,) is the chain's
+    local column of the scale of the unit in which it goes on from a node. ``inverse``
     takes the inverses of the eliminated blocks. Of ``node`` the upper triangle counts, of ``arrow``
     the lower one. Chain ``c``'s rows of the graph's tables begin at ``rows[c]`` (R + 1, 5). What
     its elimination leaves to the arrow is ``head``, flat, from ``head_at[c]``, square, its lower
@@ -58,6 +70,9 @@ class System(NamedTuple):
     inverse: Floats
     wing: Floats
     wing_at: Ints
+    bare: Floats
+    kept: Ints
+    scale_at: Ints
     right: Floats
     arrow: Floats
     arrow_right: Floats
@@ -69,29 +84,53 @@ class System(NamedTuple):
 
 @compiled
 def empty_system(graph: Graph, arrow_size: int) -> System:
-    """Return equations of the graph's size, all nought."""
+    """Return equations of the graph's size, with nothing in them as yet."""
     n = graph.width.size
+    kept = _kept(graph)
     wing_at = np.zeros(n + 1, np.int64)
     for node in range(n):
-        wing_at[node + 1] = wing_at[node] + 3 * graph.width[node]
+        wing_at[node + 1] = wing_at[node] + 3 * graph.width[node] * (kept[node] == node)
+    scale_at = np.zeros(n, np.int64)
+    scale_at[graph.move_at[:, 0]] = graph.move_at[:, 2]
     head_at = np.zeros(graph.first.size, np.int64)
     for chain in range(graph.first.size - 1):
         columns = graph.columns_first[chain + 1] - graph.columns_first[chain]
         head_at[chain + 1] = head_at[chain] + columns * columns
+    # What is linearised anew at every iteration is not emptied twice.
     return System(
-        np.zeros((n, 3, 3)),
-        np.zeros((n, 3, 3)),
-        np.zeros((n, 3, 3)),
-        np.zeros(wing_at[n]),
+        np.empty((n, 3, 3)),
+        np.empty((n, 3, 3)),
+        np.empty((n, 3, 3)),
+        np.empty(wing_at[n]),
         wing_at,
-        np.zeros((n, 3)),
+        np.empty((n, 3, RUN_WIDTH)),
+        kept,
+        scale_at,
+        np.empty((n, 3)),
         np.zeros((arrow_size, arrow_size)),
         np.zeros(arrow_size),
         _rows(graph),
-        np.zeros(head_at[-1]),
+        np.empty(head_at[-1]),
         head_at,
-        np.zeros(graph.columns.size),
+        np.empty(graph.columns.size),
     )
+
+
+@compiled
+def _kept(graph: Graph) -> Ints:
+    """Return of each node (n,) the last one until it that is kept, which may be itself."""
+    kept = np.arange(graph.width.size)
+    is_bare = np.ones(kept.size, np.bool_)
+    is_bare[graph.first[:-1]] = False
+    is_bare[graph.first[1:] - 1] = False
+    is_bare[graph.tie_at[:, 0]] = False
+    for row in range(1, graph.move_at.shape[0]):
+        if graph.move_at[row, 1] != graph.move_at[row - 1, 1]:
+            is_bare[graph.move_at[row, 0]] = False
+    for node in range(kept.size):
+        if is_bare[node]:
+            kept[node] = kept[node - 1]
+    return kept
 
 
 @compiled
@@ -126,6 +165,7 @@ def linearise(graph: Graph, chain: int, pose: Floats, arrow: Floats, system: Sys
     system.node[start:end] = 0.0
     system.link[start:end] = 0.0
     system.wing[system.wing_at[start] : system.wing_at[end]] = 0.0
+    system.bare[start:end] = 0.0
     system.right[start:end] = 0.0
     rows, until = system.rows[chain], system.rows[chain + 1]
     _add_moves(graph, rows[MOVE], until[MOVE], pose, arrow, system)
@@ -140,9 +180,10 @@ def _add_moves(
     graph: Graph, first: int, end: int, pose: Floats, arrow: Floats, system: System
 ) -> None:
     # Taken out of their tables once: not for every row.
-    move, move_at, width, unit_sd = graph.move, graph.move_at, graph.width, graph.unit_sd
+    move, move_at, unit_sd = graph.move, graph.move_at, graph.unit_sd
     node, link, right = system.node, system.link, system.right
-    wing, wing_at = system.wing, system.wing_at
+    wing, wing_at, width = system.wing, system.wing_at, graph.width
+    bare, kept = system.bare, system.kept
     head, head_right = system.arrow, system.arrow_right
     for row in range(first, end):
         a, scale, local = move_at[row, 0], move_at[row, 1], move_at[row, 2]
@@ -167,11 +208,15 @@ def _add_moves(
         head[scale + 1, scale + 1] += k_turn * duration_s * duration_s
         head_right[scale + 1] += k_turn * duration_s * rt
         of_turn = k * (gn * vn + ge * ve)
-        _add_move_wing(wing, wing_at[a] + local, width[a], k, vn, ve, of_turn, k_turn * duration_s)
-        c = a + 1
-        _add_move_wing(
-            wing, wing_at[c] + local, width[c], -k, vn, ve, of_turn, -(k_turn * duration_s)
-        )
+        of_drift, c = k_turn * duration_s, a + 1
+        if kept[a] == a:
+            _add_move_wing(wing, wing_at[a] + local, width[a], k, vn, ve, of_turn, of_drift)
+        else:
+            _add_move_bare(bare, a, k, vn, ve, of_turn, of_drift)
+        if kept[c] == c:
+            _add_move_wing(wing, wing_at[c] + local, width[c], -k, vn, ve, of_turn, -of_drift)
+        else:
+            _add_move_bare(bare, c, -k, vn, ve, of_turn, -of_drift)
 
 
 @compiled
@@ -239,6 +284,17 @@ def _add_move_wing(
     wing[at + width] += k * ve
     wing[at + 2 * width] -= of_turn
     wing[at + 2 * width + 1] += drift
+
+
+@compiled
+def _add_move_bare(
+    bare: Floats, a: int, k: float, vn: float, ve: float, of_turn: float, drift: float
+) -> None:
+    """Add the same of an end that is a bare node."""
+    bare[a, 0, RUN_SCALE] += k * vn
+    bare[a, 1, RUN_SCALE] += k * ve
+    bare[a, 2, RUN_SCALE] -= of_turn
+    bare[a, 2, RUN_SCALE + 1] += drift
 
 
 @compiled
@@ -319,6 +375,7 @@ def _add_straights(
     """Straight moves follow the axis, or are square to it; Cauchy, for many do not."""
     node, link, right = system.node, system.link, system.right
     wing, wing_at, width = system.wing, system.wing_at, graph.width
+    bare, kept = system.bare, system.kept
     for row in range(first, end):
         a = graph.move_at[graph.straight_at[row], 0]
         sd_rad = graph.straight[row, 1]
@@ -327,7 +384,10 @@ def _add_straights(
         for each in (a, a + 1):
             node[each, 2, 2] += 0.25 * k
             right[each, 2] -= 0.5 * k * off_rad
-            wing[wing_at[each] + 2 * width[each] + AXIS] -= 0.5 * k
+            if kept[each] == each:
+                wing[wing_at[each] + 2 * width[each] + AXIS] -= 0.5 * k
+            else:
+                bare[each, 2, RUN_AXIS] -= 0.5 * k
         link[a, 2, 2] += 0.25 * k
         system.arrow[AXIS, AXIS] += k
         system.arrow_right[AXIS] += k * off_rad
