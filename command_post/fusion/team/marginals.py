@@ -7,9 +7,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from command_post.fusion.team.elimination import run_column, times_inverse, wing_of
+from command_post.fusion.team.bare_nodes import run_column
+from command_post.fusion.team.blocks import times_inverse, wing_of
 from command_post.fusion.team.graph import Graph
-from command_post.fusion.team.normal_equations import RUN_AXIS, RUN_WIDTH, System
+from command_post.fusion.team.system import RUN_AXIS, RUN_WIDTH, System
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]

@@ -19,11 +19,12 @@ from command_post.fusion.team.arithmetic import (
     logarithm,
     solve_factorised,
 )
-from command_post.fusion.team.elimination import determinant, reduce_to_arrow, take_step
+from command_post.fusion.team.blocks import determinant
+from command_post.fusion.team.elimination import reduce_to_arrow, take_step
 from command_post.fusion.team.graph import Graph
 from command_post.fusion.team.marginals import NO_COVARIANCE, marginals
-from command_post.fusion.team.normal_equations import empty_system
 from command_post.fusion.team.residuals import cost_of
+from command_post.fusion.team.system import empty_system
 from shared.compiled import compiled
 
 Floats: TypeAlias = NDArray[np.float64]
