@@ -10,6 +10,8 @@ from shared.maths.rotations import IDENTITY, Quaternion, rotate
 from shared.messages import ImuSample, Vector3
 
 GRAVITY_M_S2 = 9.81
+TREMBLE_M_S2 = 1e-4
+"""From sample to sample: no sensor reads the same for ever."""
 
 
 class Phone(NamedTuple):
@@ -36,7 +38,8 @@ class Phone(NamedTuple):
             phase = (time_s - self.rest_s) * self.cadence_hz
             moves = 0.0 <= phase < self.steps
             bounce_m_s2 = self.bounce_m_s2 * math.sin(2.0 * math.pi * phase) if moves else 0.0
-            force_m_s2 = (0.0, 0.0, -GRAVITY_M_S2 - bounce_m_s2)
+            tremble_m_s2 = TREMBLE_M_S2 * (index % 2)
+            force_m_s2 = (0.0, 0.0, -GRAVITY_M_S2 - bounce_m_s2 - tremble_m_s2)
             rate_rad_s = (0.0, 0.0, self.turn_rad_s if moves else 0.0)
             x, y, z = rotate(self.sensor_from_level, rate_rad_s)
             bx, by, bz = self.bias_rad_s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from time import process_time
@@ -25,12 +26,11 @@ from edge_agent.evaluation.course_truth import (
     MountTruth,
     Waypoints,
 )
-from edge_agent.evaluation.degradation import DEGRADATIONS, Degradation
+from edge_agent.evaluation.degradation import Degradation, degradations
 from edge_agent.evaluation.estimate import estimated_path
 from edge_agent.evaluation.pace import scale_over
 from edge_agent.evaluation.score_card import ScoreCard, TrialScore, failed_trial, score_card
 from edge_agent.evaluation.scorers import SCORERS
-from edge_agent.evaluation.truth import Truth
 from edge_agent.evaluation.vehicle_score import Drive, follow_drive, score_drive
 from edge_agent.mounts.interface import Increment, Mount
 from edge_agent.mounts.methods import (
@@ -50,6 +50,10 @@ from shared.process import ExitCode
 from shared.simulation.chance import generator
 
 _log = structlog.stdlib.get_logger(__name__)
+
+
+DEGRADED_EVERY = 25
+"""Of a vehicle's trials, the fixed one first."""
 
 
 class _Setup(NamedTuple):
@@ -141,28 +145,28 @@ def evaluate(
     seed
         Of the simulated scenarios' walks and sensors, and of what a degradation leaves to chance.
     degrade
-        Score every trial of a boot again from a worse sensor, one fault at a time: lower rates and
-        ranges, bias, scale, clock, noise, lost samples, gaps.
+        Score every trial again from a worse sensor, one fault at a time: lower rates and ranges,
+        bias, scale, noise, lost samples, gaps, a boot's clock, axes turned or stuck. Of a vehicle's
+        mountings every 25th is.
     plot
         Folder for a picture of each trial: track beside truth, and each stride's error.
     json
         Print the score card as one JSON object.
 
     """
-    degradations = DEGRADATIONS if degrade else {}
+    tried = degradations(mount) if degrade else {}
     try:
-        if degrade and mount != "boot":
-            raise ValueError(f"--degrade: only of a boot's recordings, not of a {mount}'s")
         if paced is not None and mount not in STEPPING:
             raise ValueError(f"--paced: only of a chest or a waist, not of a {mount}")
         told = Told(dominant_direction, wheelbase, step_scale)
         setups = [
-            _Setup(mount, one, told, paced, seed, degradations, plot)
-            for one in _methods(mount, method)
+            _Setup(mount, one, told, paced, seed, tried, plot) for one in _methods(mount, method)
         ]
         for setup in setups:
             setup.new_mount()
         trials = [trial for where in paths for trial in find_trials(where, seed, mount)]
+        if degrade and mount == "vehicle":
+            trials = trials[::DEGRADED_EVERY]
         if plot is not None:
             plot.mkdir(parents=True, exist_ok=True)
     except (ValueError, OSError) as error:
@@ -175,7 +179,7 @@ def evaluate(
         for setup, (card, degraded, _) in zip(setups, scored, strict=True):
             print_tables(card, setup.title)
             if degraded:
-                print_degraded({"as recorded": card, **degraded}, setup.title)
+                print_degraded({"as recorded": card, **degraded}, setup.title, mount)
     return max(one.code for one in scored)
 
 
@@ -248,9 +252,13 @@ def _score_each_way(trial: Trial, setup: _Setup) -> _Outcome:
     for name, degradation in setup.degradations.items():
         chance = generator(setup.seed, "degradation", name, trial.group, trial.name)
         try:
-            if data.truth is not None and not isinstance(data.truth, Truth):
-                raise ValueError("its truth has no stances: not a boot's recording")
             worse = TrialData(*degradation.apply(data.samples, data.truth, chance))
+            if isinstance(data.truth, MountedDrive):
+                # The phone that is fixed loses the same samples.
+                again = generator(setup.seed, "degradation", name, trial.group, trial.name)
+                samples = degradation.degrade(data.truth.fixed.samples, again)
+                fixed = replace(data.truth.fixed, samples=samples)
+                worse = worse._replace(truth=replace(data.truth, fixed=fixed))
         except ValueError as error:
             degraded[name] = failed_trial(trial.name, trial.group, data.truth, str(error))
             continue

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from edge_agent.evaluation.score_card import METRICS, ScoreCard
 from shared.maths.statistics import Summary
+from shared.messages import Mount
 
 PIPED_WIDTH = 200
 """Columns when standard output is no terminal: nothing may be cut off."""
@@ -54,6 +55,18 @@ _DEGRADED_HEADINGS = {
     "vertical_end_error_m": "height end m",
 }
 
+_WORN_DEGRADED_HEADINGS = {
+    metric: _HEADINGS[metric]
+    for metric in (
+        "distance_error_pct",
+        "steps_error_pct",
+        "ate_pct",
+        "closure_2d_m",
+        "speed_rmse_m_s",
+        "realignment_s",
+    )
+}
+
 
 def print_tables(card: ScoreCard, title: str) -> None:
     """Write the trials, the failures and the sets of ``card`` to standard output."""
@@ -66,18 +79,19 @@ def print_tables(card: ScoreCard, title: str) -> None:
     console.print(_sets(card, title))
 
 
-def print_degraded(cards: Mapping[str, ScoreCard], title: str) -> None:
+def print_degraded(cards: Mapping[str, ScoreCard], title: str, mount: Mount) -> None:
     """Write one table: a row a degradation, the median errors of each set of ``cards``."""
+    headings = _DEGRADED_HEADINGS if mount == "boot" else _WORN_DEGRADED_HEADINGS
     table = Table(title=f"Degraded, medians ({title})", title_justify="left")
     table.add_column("degradation", no_wrap=True)
     columns = [
         (name, metric)
         for name in sorted({name for card in cards.values() for name in card.sets})
-        for metric in _DEGRADED_HEADINGS
+        for metric in headings
         if any(metric in card.sets.get(name, {}) for card in cards.values())
     ]
     for name, metric in columns:
-        heading = f"{name}/{_DEGRADED_HEADINGS[metric]}".replace("/", "/\n")
+        heading = f"{name}/{headings[metric]}".replace("/", "/\n")
         table.add_column(heading, justify="right")
     for degradation, card in cards.items():
         table.add_row(degradation, *(_median(card, *column) for column in columns))

@@ -14,9 +14,12 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from edge_agent.evaluation.course_truth import MountTruth
 from edge_agent.evaluation.truth import Array, Truth
-from edge_agent.sources.recording import Recording
+from edge_agent.sources.recording import Recording, at_times
+from shared.messages import Mount
 from shared.units import NS_PER_S
 
 Degrade: TypeAlias = Callable[[Recording, np.random.Generator], Recording]
@@ -34,12 +37,17 @@ class Degradation(NamedTuple):
     clock_rate: float = 1.0
 
     def apply(
-        self, recording: Recording, truth: Truth | None, chance: np.random.Generator
-    ) -> tuple[Recording, Truth | None]:
-        """Return the recording with this fault, and the truth on its clock."""
+        self, recording: Recording, truth: MountTruth | None, chance: np.random.Generator
+    ) -> tuple[Recording, MountTruth | None]:
+        """Return the recording with this fault, and the truth on its clock.
+
+        Raises ``ValueError`` where the clock cannot be changed of such a truth.
+        """
         worse = self.degrade(recording, chance)
         if self.clock_rate == 1.0:
             return worse, truth
+        if truth is not None and not isinstance(truth, Truth):
+            raise ValueError("its truth has no stances: not a boot's recording")
         time_ns = np.rint(self.clock_rate * worse.time_ns).astype(np.int64)
         return replace(worse, time_ns=time_ns), truth and on_clock(truth, self.clock_rate)
 
@@ -162,6 +170,87 @@ def interrupted(recording: Recording, gap_s: float, every_s: float) -> Recording
     return recording.rows(np.flatnonzero(since_s % every_s < every_s - gap_s))
 
 
+def in_order(recording: Recording) -> Recording:
+    """Return the samples that are later than all before them: what a mount takes of them."""
+    newest_ns = np.maximum.accumulate(recording.time_ns)
+    return recording.rows(np.flatnonzero(np.diff(newest_ns, prepend=newest_ns[0] - 1) > 0))
+
+
+def interpolated(recording: Recording, rate_hz: float) -> Recording:
+    """Return what straight lines between the samples read at ``rate_hz``, a higher rate."""
+    time_s = recording.time_ns / NS_PER_S
+    field_ut = recording.field_ut
+    ticks_s = np.arange(time_s[0], time_s[-1], 1.0 / rate_hz)
+    return Recording(
+        np.rint(ticks_s * NS_PER_S).astype(np.int64),
+        at_times(ticks_s, time_s, recording.force_m_s2),
+        at_times(ticks_s, time_s, recording.rate_rad_s),
+        None if field_ut is None else at_times(ticks_s, time_s, field_ut),
+    )
+
+
+def jittered(recording: Recording, chance: np.random.Generator, sd_s: float) -> Recording:
+    """Return the samples, in order, with stamps that are off by ``sd_s``, and rise."""
+    off_ns = np.rint(sd_s * NS_PER_S * chance.normal(size=len(recording))).astype(np.int64)
+    return replace(recording, time_ns=np.sort(recording.time_ns + off_ns))
+
+
+def with_holes(
+    recording: Recording, chance: np.random.Generator, share: float, lasting_s: float
+) -> Recording:
+    """Return what is left when each piece of ``lasting_s`` is lost with a probability."""
+    piece = ((recording.time_ns - recording.time_ns[0]) / NS_PER_S / lasting_s).astype(np.int64)
+    lost = chance.random(int(piece.max()) + 1) < share
+    return recording.rows(np.flatnonzero(~lost[piece]))
+
+
+def cut(recording: Recording, gap_s: float) -> Recording:
+    """Return what is left when ``gap_s`` in the middle are lost: a phone that was locked."""
+    return recording.rows(np.flatnonzero(~_midway(recording, gap_s)))
+
+
+def frozen(recording: Recording, lasting_s: float) -> Recording:
+    """Return what a sensor reads that repeats one reading for ``lasting_s`` in the middle."""
+    rows = np.flatnonzero(_midway(recording, lasting_s))
+    if not rows.size:
+        return recording
+    force_m_s2, rate_rad_s = recording.force_m_s2.copy(), recording.rate_rad_s.copy()
+    force_m_s2[rows], rate_rad_s[rows] = force_m_s2[rows[0]], rate_rad_s[rows[0]]
+    return replace(recording, force_m_s2=force_m_s2, rate_rad_s=rate_rad_s)
+
+
+def stuck(recording: Recording, *, force: bool) -> Recording:
+    """Return what is read from midway on when the axis that is most upright has stuck.
+
+    It is the accelerometer's if ``force``, else the gyroscope's.
+    """
+    half = len(recording) // 2
+    axis = int(np.argmax(np.abs(recording.force_m_s2.mean(axis=0))))
+    readings = (recording.force_m_s2 if force else recording.rate_rad_s).copy()
+    readings[half:, axis] = readings[half, axis]
+    if force:
+        return replace(recording, force_m_s2=readings)
+    return replace(recording, rate_rad_s=readings)
+
+
+def turned(recording: Recording, chance: np.random.Generator) -> Recording:
+    """Return what the sensor reads put on any other way round."""
+    turn = Rotation.random(rng=chance)
+    field_ut = recording.field_ut
+    return replace(
+        recording,
+        force_m_s2=turn.apply(recording.force_m_s2),
+        rate_rad_s=turn.apply(recording.rate_rad_s),
+        field_ut=None if field_ut is None else turn.apply(field_ut),
+    )
+
+
+def _midway(recording: Recording, lasting_s: float) -> NDArray[np.bool_]:
+    """Return which samples lie in the middle ``lasting_s``."""
+    time_s = (recording.time_ns - recording.time_ns[0]) / NS_PER_S
+    return np.asarray(np.abs(time_s - 0.5 * time_s[-1]) < 0.5 * lasting_s)
+
+
 def _rate_hz(time_s: Array) -> float:
     """Return the usual rate; raise ``ValueError`` where time stamps repeat or go back."""
     periods_s = np.diff(time_s)
@@ -223,4 +312,44 @@ DEGRADATIONS: dict[str, Degradation] = {
     "0.2 s lost every 10 s": _sure(partial(interrupted, gap_s=0.2, every_s=10.0)),
     "0.4 s lost every 10 s": _sure(partial(interrupted, gap_s=0.4, every_s=10.0)),
 }
-"""By the name that tables give it. Gyro bias and iron are on each axis."""
+"""A boot's, by the name that tables give it. Gyro bias and iron are on each axis."""
+
+
+def _ordered(lower: Callable[[Recording], Recording]) -> Degradation:
+    """Return the degradation of what has come in order."""
+    return _sure(lambda recording: lower(in_order(recording)))
+
+
+_WORN: dict[str, Degradation] = {
+    "25 Hz, averaged": _ordered(partial(averaged, rate_hz=25.0)),
+    "25 Hz, decimated": _ordered(partial(decimated, rate_hz=25.0)),
+    "50 Hz, averaged": _ordered(partial(averaged, rate_hz=50.0)),
+    "52 Hz, decimated": _ordered(partial(decimated, rate_hz=52.0)),
+    "100 Hz, decimated": _ordered(partial(decimated, rate_hz=100.0)),
+    "200 Hz, interpolated": _ordered(partial(interpolated, rate_hz=200.0)),
+    "stamps off by 5 ms": Degradation(partial(jittered, sd_s=0.005)),
+    "5 % lost at random": Degradation(partial(thinned, lost_share=0.05)),
+    "20 % lost at random": Degradation(partial(thinned, lost_share=0.2)),
+    "5 % lost, 0.1 s each": Degradation(partial(with_holes, share=0.05, lasting_s=0.1)),
+    "5 % lost, 0.4 s each": Degradation(partial(with_holes, share=0.05, lasting_s=0.4)),
+    "5 % lost, 0.8 s each": Degradation(partial(with_holes, share=0.05, lasting_s=0.8)),
+    "12 s lost midway": _sure(partial(cut, gap_s=12.0)),
+    "5 % sent twice": Degradation(partial(repeated, share=0.05)),
+    "5 % late by up to 0.1 s": Degradation(partial(delayed, share=0.05, longest_s=0.1)),
+    "put on any way round": Degradation(turned),
+    "one reading for 5 s midway": _sure(partial(frozen, lasting_s=5.0)),
+    "upright force stuck midway": _sure(partial(stuck, force=True)),
+    "upright rate stuck midway": _sure(partial(stuck, force=False)),
+    "±2 g": _sure(partial(clipped, force_m_s2=2.0 * STANDARD_GRAVITY_M_S2)),
+    "gyro bias +1 °/s": _sure(partial(biased, rate_rad_s=math.radians(1.0))),
+    "accelerometer +4 %": _sure(partial(scaled, scale=1.04)),
+    "forces in g": _sure(partial(scaled, scale=1.0 / STANDARD_GRAVITY_M_S2)),
+    "noise 0.1 m/s², 0.5 °/s": Degradation(noisy),
+    "without magnetometer": _sure(partial(replace, field_ut=None)),
+}
+"""What a phone, or a unit on a belt, does to its samples."""
+
+
+def degradations(mount: Mount) -> dict[str, Degradation]:
+    """Return the faults that recordings of a ``mount`` are tried with."""
+    return DEGRADATIONS if mount == "boot" else _WORN

@@ -19,6 +19,10 @@ from shared.units import NS_PER_S
 Array: TypeAlias = NDArray[np.float64]
 
 
+GRAVITY_M_S2 = (4.0, 25.0)
+"""Mean force of who walks or runs lies in between: nothing told in g, or in mg, does."""
+
+
 class BounceSettings(NamedTuple):
     """What tells a step from all else.
 
@@ -125,8 +129,14 @@ class BounceDetector:
         return told
 
     def _stands_out(self, peak: _Peak) -> bool:
-        """Whether a peak is over the mean: coming to rest after a trough is none."""
+        """Whether a peak is over the mean: coming to rest after a trough is none.
+
+        A mean that is no gravity is that of no step.
+        """
         mean_m_s2 = math.fsum(value for _, value in self._smooth) / len(self._smooth)
+        least_m_s2, most_m_s2 = GRAVITY_M_S2
+        if not least_m_s2 < mean_m_s2 < most_m_s2:
+            return False
         return peak.height_m_s2 - mean_m_s2 >= self._settings.above_m_s2
 
     def _found(self, peak: _Peak) -> list[Bounce]:

@@ -15,7 +15,8 @@ from edge_agent.inertial.bounce_detection import Bounce, BounceDetector, BounceS
 from edge_agent.inertial.held_heading import HeldHeading
 from edge_agent.inertial.step_length import bounce_length_m
 from edge_agent.inertial.stride_error import heading_variance, lost_covariance
-from edge_agent.mounts.intake import Intake, Verdict, has_gyro
+from edge_agent.inertial.walk_bridge import WalkBridge
+from edge_agent.mounts.intake import STUCK_S, Intake, Verdict, has_gyro
 from edge_agent.mounts.interface import Faults, Increment
 from edge_agent.mounts.step_increment import Direction, step_ahead, step_anywhere
 from edge_agent.sources.recording import Recording
@@ -25,6 +26,9 @@ from shared.units import NS_PER_S
 
 LONGEST_GAP_S = 0.5
 """Over a longer one nobody knows how often the wearer stepped, nor how they turned."""
+
+LONGEST_BRIDGE_S = 1.0
+"""So long whoever walks evenly is taken to go on."""
 
 RESTARTED_S = 1.0
 """So long the wearer is lost at the least where a clock was set back."""
@@ -46,7 +50,9 @@ class ChestMount:
         self._step_scale = step_scale
         self._settings = settings or BounceSettings()
         self._tick_ns = round(NS_PER_S / self._settings.rate_hz)
-        self._intake = Intake(self.faults, LONGEST_GAP_S, needs_gyro=False)
+        self._intake = Intake(self.faults, LONGEST_GAP_S, needs_gyro=False, stuck_s=STUCK_S)
+        self._bridge = WalkBridge(LONGEST_BRIDGE_S)
+        self._gap_s = 0.0
         self._detector = BounceDetector(self._settings)
         self._heading = HeldHeading()
         self._headings: deque[tuple[int, float]] = deque(
@@ -82,7 +88,12 @@ class ChestMount:
         """Take in the next sample; return the movement that it completes, if it does."""
         verdict = self._intake.judge(sample)
         if verdict is not Verdict.PASS:
-            self._take(sample, restart=verdict is Verdict.RESTART)
+            restart = verdict is Verdict.RESTART
+            filled = self._bridge.take(sample, restart=restart)
+            if len(filled) > 1 and self._last is not None:
+                self._gap_s += (sample.time_ns - self._last.time_ns) / NS_PER_S
+            for one in filled:
+                self._take(one, restart=restart)
         return self._done.popleft() if self._done else None
 
     def steps(self, samples: Recording) -> list[Increment]:
@@ -149,7 +160,8 @@ class ChestMount:
         since_ns = bounce.start_time_ns if self._told_ns is None else self._told_ns
         elapsed_s = max(0.0, (bounce.end_time_ns - since_ns) / NS_PER_S)
         d_heading_rad = wrap_rad(heading_rad - self._told_heading_rad)
-        variance_rad2 = self._turn_variance(elapsed_s)
+        variance_rad2 = self._turn_variance(elapsed_s, self._gap_s)
+        self._gap_s = 0.0
         direction = Direction(heading_rad, d_heading_rad, variance_rad2, heading_rad)
         self._done.append(step_ahead(bounce, length_m, direction))
         self._told_ns, self._told_heading_rad = bounce.end_time_ns, heading_rad

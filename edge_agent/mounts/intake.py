@@ -16,6 +16,10 @@ RESTART_AFTER = 100
 """This many samples running that go back in time: the source's clock was set back."""
 
 
+STUCK_S = 0.5
+"""Nobody stands so still that a sensor on them reads the same to the last digit for so long."""
+
+
 def readable(sample: ImuSample, *, needs_gyro: bool = True) -> bool:
     """Whether a sensor can have read this; a comparison with NaN is false.
 
@@ -76,11 +80,14 @@ class Intake:
 
     def judge(self, sample: ImuSample) -> Verdict:
         """Return what to do with ``sample``."""
-        if not readable(sample, needs_gyro=self._needs_gyro) or self._is_stuck(sample):
+        newest_ns = self._newest_ns
+        is_next = newest_ns is None or sample.time_ns > newest_ns
+        if not readable(sample, needs_gyro=self._needs_gyro) or (
+            is_next and self._is_stuck(sample)
+        ):
             self._faults.unusable += 1
             return Verdict.PASS
-        newest_ns = self._newest_ns
-        if newest_ns is None or sample.time_ns > newest_ns:
+        if is_next:
             if newest_ns is not None and sample.time_ns - newest_ns > self._gap_ns:
                 self._faults.gaps += 1
             verdict = Verdict.TAKE

@@ -22,8 +22,9 @@ from edge_agent.inertial.step_detection import Step
 from edge_agent.inertial.straight_walk import StraightWalk
 from edge_agent.inertial.stride_error import heading_variance, lost_covariance
 from edge_agent.inertial.trunk_attitude import WEAKEST_GRAVITY_M_S2, TrunkAttitude
+from edge_agent.inertial.walk_bridge import WalkBridge
 from edge_agent.inertial.walking_direction import WalkingDirection, heading_of_mean
-from edge_agent.mounts.intake import Intake, Verdict
+from edge_agent.mounts.intake import STUCK_S, Intake, Verdict
 from edge_agent.mounts.interface import Faults, Increment
 from edge_agent.mounts.step_increment import Direction, step_ahead
 from edge_agent.sources.recording import Recording
@@ -84,7 +85,8 @@ class WaistMount:
         self.faults = Faults()
         self._step_scale = step_scale
         self._settings = settings or LandingSettings()
-        self._intake = Intake(self.faults, GAP_S)
+        self._intake = Intake(self.faults, GAP_S, stuck_s=STUCK_S)
+        self._bridge = WalkBridge(LONGEST_GAP_S)
         self._even = EvenSamples()
         self._attitude = TrunkAttitude()
         self._ahead = WalkingDirection(EVEN_RATE_HZ)
@@ -134,9 +136,11 @@ class WaistMount:
         """Take in the next sample; return the step that it completes, if it does."""
         verdict = self._intake.judge(sample)
         if verdict is not Verdict.PASS:
-            self._note_gap(sample, restarted=verdict is Verdict.RESTART)
-            for even in self._even.step(sample):
-                self._follow(even)
+            restarted = verdict is Verdict.RESTART
+            self._note_gap(sample, restarted=restarted)
+            for one in self._bridge.take(sample, restart=restarted):
+                for even in self._even.step(one):
+                    self._follow(even)
             if self._frame is None and sample.field_ut is not None and not self._waiting:
                 self._compass.add(rotate(self._attitude.nav_from_sensor, sample.field_ut))
         return self._done.popleft() if self._done else None

@@ -17,18 +17,29 @@ from edge_agent.evaluation.degradation import (
     averaged,
     biased,
     clipped,
+    cut,
     decimated,
+    degradations,
     delayed,
+    frozen,
+    in_order,
+    interpolated,
     interrupted,
+    jittered,
     magnetised,
     noisy,
     repeated,
     scaled,
+    stuck,
     thinned,
+    turned,
+    with_holes,
 )
 from edge_agent.evaluation.truth import Array, Height, Speed, Truth
 from edge_agent.sources.recording import Recording
 from shared.units import NS_PER_S
+
+ALL = {**DEGRADATIONS, **degradations("waist")}
 
 Lower: TypeAlias = Callable[[Recording, float], Recording]
 
@@ -182,7 +193,7 @@ def test_a_wrong_clock_is_wrong_for_samples_and_truth_alike() -> None:
     )
     worse, told = DEGRADATIONS["clock +0.5 %"].apply(read, truth, chance())
     np.testing.assert_allclose(worse.time_ns, 1.005 * read.time_ns, rtol=1e-9)
-    assert told is not None
+    assert isinstance(told, Truth)
     assert told.height is not None
     np.testing.assert_allclose(told.time_s, 1.005 * times_s)
     np.testing.assert_allclose(told.height.time_s, 1.005 * times_s)
@@ -193,10 +204,73 @@ def test_a_wrong_clock_is_wrong_for_samples_and_truth_alike() -> None:
     assert told.taped_m == 83.5
 
 
-@pytest.mark.parametrize("name", DEGRADATIONS)
+def test_interpolating_draws_lines_between_samples() -> None:
+    read = recording(50.0)
+    fast = interpolated(read, 200.0)
+    np.testing.assert_allclose(np.diff(fast.time_ns), 5e6, atol=2.0)
+    np.testing.assert_allclose(fast.force_m_s2[::4], read.force_m_s2[:-1])
+    middle = 0.5 * (read.rate_rad_s[1:] + read.rate_rad_s[:-1])
+    np.testing.assert_allclose(fast.rate_rad_s[2::4], middle, atol=1e-9)
+
+
+def test_stamps_are_off_by_that_and_rise() -> None:
+    read = recording(50.0)
+    worse = jittered(read, chance(), 0.005)
+    assert np.all(np.diff(worse.time_ns) >= 0)
+    assert np.std(worse.time_ns - read.time_ns) == pytest.approx(5e6, rel=0.05)
+    np.testing.assert_array_equal(worse.force_m_s2, read.force_m_s2)
+
+
+def test_holes_last_as_long_as_they_say() -> None:
+    left = with_holes(recording(), chance(), 0.1, 0.4)
+    gaps_s = np.diff(left.time_ns) / NS_PER_S
+    holes_s = gaps_s[gaps_s > 0.01] - 0.005
+    np.testing.assert_allclose(holes_s, 0.4 * np.rint(holes_s / 0.4), atol=0.011)
+    assert 1.0 - len(left) / 6000 == pytest.approx(0.1, abs=0.1)
+
+
+def test_what_is_cut_or_frozen_is_in_the_middle() -> None:
+    read = recording()
+    left, held = cut(read, 12.0), frozen(read, 5.0)
+    (at,) = np.flatnonzero(np.diff(left.time_ns) > NS_PER_S)
+    assert (left.time_ns[at + 1] - left.time_ns[at]) / NS_PER_S == pytest.approx(12.0, abs=0.01)
+    assert (left.time_ns[at] - read.time_ns[0]) / NS_PER_S == pytest.approx(9.0, abs=0.01)
+    same = (np.diff(held.force_m_s2, axis=0) == 0.0).all(axis=1)
+    assert np.count_nonzero(same) / 200.0 == pytest.approx(5.0, abs=0.02)
+
+
+def test_the_axis_that_is_most_upright_sticks_alone() -> None:
+    upright = replace(recording(), force_m_s2=recording().force_m_s2 + np.array([0.0, 0.0, 9.0]))
+    for force in (True, False):
+        worse = stuck(upright, force=force)
+        of = worse.force_m_s2 if force else worse.rate_rad_s
+        other = upright.rate_rad_s if force else upright.force_m_s2
+        assert np.ptp(of[3000:], axis=0)[2] == 0.0
+        assert np.ptp(of[3000:], axis=0)[:2].min() > 0.5
+        np.testing.assert_array_equal(worse.rate_rad_s if force else worse.force_m_s2, other)
+
+
+def test_turning_keeps_lengths_and_what_lies_between() -> None:
+    read = recording()
+    worse = turned(read, chance())
+    lengths, those = (np.linalg.norm(each.force_m_s2, axis=1) for each in (read, worse))
+    np.testing.assert_allclose(lengths, those)
+    between, there = (np.sum(each.force_m_s2 * each.rate_rad_s, axis=1) for each in (read, worse))
+    np.testing.assert_allclose(between, there, atol=1e-9)
+    assert np.abs(read.force_m_s2 - worse.force_m_s2).max() > 1.0
+
+
+def test_what_comes_late_or_twice_is_not_in_order() -> None:
+    read = recording()
+    worse = in_order(delayed(repeated(read, chance(), 0.05), chance(), 0.05, 0.1))
+    assert np.all(np.diff(worse.time_ns) > 0)
+    assert 5000 < len(worse) < 6000
+
+
+@pytest.mark.parametrize("name", ALL)
 def test_the_same_chance_gives_the_same_and_the_recording_is_left_alone(name: str) -> None:
     read, untouched = recording(), recording()
-    worse, again = (DEGRADATIONS[name].apply(read, None, chance())[0] for _ in range(2))
+    worse, again = (ALL[name].apply(read, None, chance())[0] for _ in range(2))
     for array in ("time_ns", "force_m_s2", "rate_rad_s", "field_ut", "pressure_pa"):
         np.testing.assert_array_equal(getattr(read, array), getattr(untouched, array))
         if getattr(worse, array) is not None:
@@ -204,13 +278,13 @@ def test_the_same_chance_gives_the_same_and_the_recording_is_left_alone(name: st
             assert len(getattr(worse, array)) == len(worse)
 
 
-@pytest.mark.parametrize("name", DEGRADATIONS)
+@pytest.mark.parametrize("name", ALL)
 def test_each_degradation_degrades(name: str) -> None:
     read = recording()
     hard = replace(
         read, force_m_s2=read.force_m_s2 * 30.0, rate_rad_s=read.rate_rad_s * math.radians(600.0)
     )
-    worse, _ = DEGRADATIONS[name].apply(hard, None, chance())
+    worse, _ = ALL[name].apply(hard, None, chance())
     assert hard.field_ut is not None
     assert not (
         np.array_equal(worse.time_ns, hard.time_ns)

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from edge_agent.__main__ import main
 from edge_agent.commands import evaluate
-from edge_agent.evaluation.degradation import DEGRADATIONS
+from edge_agent.evaluation.degradation import DEGRADATIONS, degradations
 from edge_agent.evaluation.score_card import failed_trial, score_trial
 from edge_agent.evaluation.scorers import SCORERS
 from edge_agent.mounts.boot import BootMount
 from edge_agent.sources import npz_set
 from shared.npz_file import load_npz
 from shared.process import ExitCode
+from tests.bouncing_phone import Phone
 from tests.synthetic_boot import SyntheticWalk
 
 
@@ -88,6 +89,26 @@ def test_degraded_trials_are_scored_set_by_set(
     assert run(monkeypatch, folder, "--degrade", "--json", "--method", "linear") == ExitCode.OK
     again = card(capsys)["degraded"]["5 % lost at random"]["drill"]
     assert again["ate_pct"] == found["degraded"]["5 % lost at random"]["drill"]["ate_pct"]
+
+
+def test_a_phones_faults_are_others_than_a_boots(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    phone = list(Phone(steps=12, rate_hz=50.0).samples())
+    np.savez(
+        folder / "good.npz",
+        t_s=np.array([one.time_ns for one in phone]) / 1e9,
+        acc_m_s2=np.array([one.force_m_s2 for one in phone]),
+        gyr_rad_s=np.array([one.rate_rad_s for one in phone]),
+        truth_steps=np.clip([2.0 * one.time_ns / 1e9 - 4.0 for one in phone], 0.0, 12.0),
+    )
+    options = ("--mount", "chest", "--method", "robust", "--degrade", "--json")
+    assert run(monkeypatch, folder, *options) == ExitCode.OK
+    found = card(capsys)
+    assert list(found["degraded"]) == list(degradations("chest"))
+    steps = {name: sets["drill"] for name, sets in found["degraded"].items()}
+    assert steps["25 Hz, averaged"]["steps_error_pct"]["median"] == 0.0
+    assert steps["forces in g"]["failed"] == 1
 
 
 def test_the_degraded_table_names_every_degradation(
