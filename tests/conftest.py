@@ -13,7 +13,7 @@ import structlog
 from hypothesis import settings
 
 # The same examples every time, and as much time as a loaded machine needs.
-settings.register_profile("clew", derandomize=True, deadline=None)
+settings.register_profile("clew", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("clew")
 
 CHECKOUT = Path(__file__).resolve().parent.parent

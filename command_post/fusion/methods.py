@@ -22,7 +22,9 @@ from shared.units import NS_PER_S
 
 _AT_ORIGIN = LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(1.0, 0.0, 1.0))
 _PEAK_DBM = -42.0
+_KNOWN_SD_RAD = math.radians(2.0)
 _REHEARSED_STRIDES = 40
+_SIDE_STRIDES = 10
 _PEAK_AT = 20
 
 
@@ -34,12 +36,13 @@ def make_fusion(settings: FusionSettings) -> Fusion:
 def prepare_fusion(settings: FusionSettings) -> None:
     """Have all machine code built that fusing so needs, by rehearsing an incident of two.
 
-    Takes some tens of seconds after an installation, and about one from then on.
+    One knows their heading and shows the building's axis, the other one does not. Takes some tens
+    of seconds after an installation, and about one from then on.
     """
     fusion = make_fusion(settings)
-    for responder_id in ("a", "b"):
+    for responder_id, heading_sd_rad in (("a", _KNOWN_SD_RAD), ("b", math.pi)):
         start = TrackStart(
-            event_time_ns=0, sequence=0, position=_AT_ORIGIN, heading_sd_rad=math.pi,
+            event_time_ns=0, sequence=0, position=_AT_ORIGIN, heading_sd_rad=heading_sd_rad,
             mount="boot", method="rehearsal",
         )  # fmt: skip
         fusion.start(responder_id, start)
@@ -59,8 +62,8 @@ def prepare_fusion(settings: FusionSettings) -> None:
 
 
 def _stride(number: int) -> OdometryIncrement:
-    """Return one of two laps of a square."""
-    heading_rad = 0.5 * math.pi * (number // 5)
+    """Return one of a lap of a square."""
+    heading_rad = 0.5 * math.pi * (number // _SIDE_STRIDES)
     return OdometryIncrement(
         event_time_ns=number * NS_PER_S, start_time_ns=(number - 1) * NS_PER_S, sequence=number,
         d_north_m=math.cos(heading_rad), d_east_m=math.sin(heading_rad), d_down_m=0.0,

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
+import structlog
 
 from command_post.recorder.recording import Recorder
 from shared.files import replace_atomically
 from shared.recording_parts import where_part_is
 
+Made = TypeVar("Made")
+
 TAIL_BYTES = 1 << 16
 """What stands before its place in a recording shows that it is of that recording."""
+
+_log = structlog.stdlib.get_logger(__name__)
 
 
 class Place(NamedTuple):
@@ -75,6 +81,24 @@ def kept_beside(path: Path, software: str, recording: Path) -> tuple[bytes, Plac
     if part is None or file.tail_sha256 != _tail_of(part, file.position_bytes):
         raise ValueError("it is of another recording")
     return file.content, Place(file.position_bytes, file.part)
+
+
+def of_use(path: Path, what: str, load: Callable[[Path], Made]) -> Iterator[Made]:
+    """Yield what ``load`` makes of the file at ``path``, then of the one kept before it.
+
+    Of one that is of no use it is told why, and of ``what``.
+    """
+    for each in (path, before_path(path)):
+        try:
+            made = load(each)
+        except FileNotFoundError:
+            continue
+        except Exception as error:
+            # Whatever is wrong with it, it can be done without.
+            words = str(error) or type(error).__name__
+            _log.warning(f"{what} is of no use", file=each.name, why=words)
+            continue
+        yield made
 
 
 def _tail_of(recording: Path, end_bytes: int) -> str:

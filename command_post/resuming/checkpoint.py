@@ -24,7 +24,7 @@ import command_post
 import shared
 from command_post.incident import Incident, IncidentSettings
 from command_post.recorder.recording import Recorder
-from command_post.resuming.beside import Place, before_path, keep_beside, kept_beside
+from command_post.resuming.beside import Place, keep_beside, kept_beside, of_use
 from shared.bus.interface import Received
 from shared.gate import Remembered
 
@@ -132,30 +132,22 @@ def checkpoint_path(recording: Path) -> Path:
 
 
 def kept_states(path: Path, recording: Path, settings: IncidentSettings) -> Iterator[Kept]:
-    """Yield what is kept at ``path`` of the unfinished ``recording``, then what was before that.
+    """Return what is kept at ``path`` of the unfinished ``recording``, then what was before that.
 
     What is of no use is told of instead.
     """
-    for each in (path, before_path(path)):
-        try:
-            kept = _loaded(each, recording)
-            is_fit = kept.state.incident.settings == settings
-        except FileNotFoundError:
-            continue
-        except Exception as error:
-            # Whatever is wrong with it, it can be done without.
-            words = str(error) or type(error).__name__
-            _log.warning("the state kept of the incident is of no use", file=each.name, why=words)
-            continue
-        if is_fit:
-            yield kept
+    return of_use(
+        path, "the state kept of the incident", lambda each: _loaded(each, recording, settings)
+    )
 
 
-def _loaded(path: Path, recording: Path) -> Kept:
+def _loaded(path: Path, recording: Path, settings: IncidentSettings) -> Kept:
     content, place = kept_beside(path, software(), recording)
     state = _Unpickler(io.BytesIO(zstandard.decompress(content))).load()
     if not isinstance(state, State):
         raise ValueError("it is no state")
+    if state.incident.settings != settings:
+        raise ValueError("it is of other settings")
     return Kept(state, place)
 
 

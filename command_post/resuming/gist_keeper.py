@@ -15,7 +15,7 @@ import zstandard
 
 from command_post.recorder.backlog import Item
 from command_post.recorder.recording import Recorder
-from command_post.resuming.beside import BEGINNING, Place, before_path, keep_beside, kept_beside
+from command_post.resuming.beside import BEGINNING, Place, keep_beside, kept_beside, of_use
 from command_post.resuming.gist import FORMAT, Gist
 from shared.mcap_reader import Recording
 
@@ -72,16 +72,7 @@ def gist_of(path: Path, recording: Recording) -> Gist:
     Where that is of no use it is the one kept before; without any, all is read, and that is told.
     If that cannot be read to its end, the gist is of what can.
     """
-    for each in (path, before_path(path)):
-        try:
-            gist, place = _loaded(each, recording.path)
-        except FileNotFoundError:
-            continue
-        except Exception as error:
-            # Whatever is wrong with it, it can be done without.
-            words = str(error) or type(error).__name__
-            _log.warning("the gist kept is of no use", file=each.name, why=words)
-            continue
+    for gist, place in of_use(path, "the gist kept", lambda each: _loaded(each, recording.path)):
         return _read(gist, recording, place)
     _log.warning("without a gist of the recording all of it is read", file=str(recording.path))
     return _read(Gist(), recording, BEGINNING)

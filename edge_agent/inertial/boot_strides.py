@@ -79,11 +79,12 @@ def close_stride(
     p: ParametersRecord,
     m: int,
     anchor: int,
-    kind: int,
     peak_speed_m_s: float,
 ) -> None:
     """Smooth the stretch up to slot ``m``, write the increment up to slot ``anchor``.
 
+    Of what ``kind`` it is, who calls has written: a constant among the arguments would have this
+    compiled anew for each.
     The next begins with position and heading known by definition. The covariance of (north, east,
     down, heading) is given the heading at the stride's start: ``P_zz − P_zψ·P_ψψ⁻¹·P_ψz``.
     """
@@ -91,7 +92,7 @@ def close_stride(
     smooth_stride(s.history, s.path, s.boundary + 1, m)
     end = s.history[anchor & mask, FILTERED + 3 : FILTERED + 7].copy()
     turn_nav(end, 0.0, 0.0, s.path[anchor & mask, 3])
-    o.kind, o.first_slot, o.last_slot = kind, s.boundary + 1, m
+    o.first_slot, o.last_slot = s.boundary + 1, m
     o.start_slot, o.end_slot = s.anchor, anchor
     o.start_ns, o.end_ns = s.time_ns[s.anchor & mask], s.time_ns[anchor & mask]
     o.heading_change_rad = turn_about_down(s.anchor_quat_wxyz, end)
@@ -123,11 +124,11 @@ def close_stride(
 def close_at_candidate(s: StateRecord, o: OutcomeRecord, p: ParametersRecord, m: int) -> None:
     """Close the stride up to the candidate. After standing, the next swing may have begun."""
     peak_m_s = s.candidate_peak_m_s
+    o.kind = STANDING
     if peak_m_s > p.moving_speed_m_s:
-        close_stride(s, o, p, m, s.candidate, STRIDE, peak_m_s)
+        o.kind = STRIDE
         s.peak_speed_m_s = 0.0
-    else:
-        close_stride(s, o, p, m, s.candidate, STANDING, peak_m_s)
+    close_stride(s, o, p, m, s.candidate, peak_m_s)
 
 
 @compiled
@@ -186,7 +187,8 @@ def advance(s: StateRecord, o: OutcomeRecord, p: ParametersRecord, m: int) -> bo
         close_at_candidate(s, o, p, m)
         return True
     if m - s.boundary >= p.longest:
-        close_stride(s, o, p, m, m, UNFINISHED, s.peak_speed_m_s)
+        o.kind = UNFINISHED
+        close_stride(s, o, p, m, m, s.peak_speed_m_s)
         s.peak_speed_m_s = 0.0
         return True
     return False

@@ -10,8 +10,6 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-import numpy as np
-
 from edge_agent.inertial.barometer import Reading
 from edge_agent.inertial.sample_intake import HARDEST_M_S2
 from shared.messages import ImuSample
@@ -150,11 +148,20 @@ class LiftWatch:
 
     def _slope(self) -> tuple[float, float]:
         """Return the slope of the latest heights by least squares, and the RMS off that line."""
-        times_ns, heights_m = np.array(self._heights).T
-        centred_s = (times_ns - times_ns.mean()) / NS_PER_S
-        slope_m_s = float(centred_s @ heights_m / (centred_s @ centred_s))
-        off_m = heights_m - heights_m.mean() - slope_m_s * centred_s
-        return slope_m_s, math.sqrt(float(off_m @ off_m) / len(off_m))
+        count, first = len(self._heights), self._heights[0]
+        later = [
+            ((each.time_ns - first.time_ns) / NS_PER_S, each.height_m - first.height_m)
+            for each in self._heights
+        ]
+        mean_s = sum(time_s for time_s, _ in later) / count
+        mean_m = sum(height_m for _, height_m in later) / count
+        spread_s2 = sum((time_s - mean_s) ** 2 for time_s, _ in later)
+        shared_m_s = sum((time_s - mean_s) * (height_m - mean_m) for time_s, height_m in later)
+        slope_m_s = shared_m_s / spread_s2
+        off_m2 = sum(
+            (height_m - mean_m - slope_m_s * (time_s - mean_s)) ** 2 for time_s, height_m in later
+        )
+        return slope_m_s, math.sqrt(off_m2 / count)
 
     def _look_for_begin(self, now_ns: int, speed_m_s: float) -> None:
         settings, push_m_s = self._settings, self._push_m_s

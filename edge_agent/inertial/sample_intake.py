@@ -150,9 +150,11 @@ def take_next(
         return MISPLACED
     s.misfits = max(0, s.misfits - 1)
     clock = arrival.state
+    # It never is: a constant would have what follows compiled anew.
+    bridged = arrival.missing > 0
     closed = accept(
         state, outcome, parameters, round(clock.taken_ns), clock, arrival.dt_s,
-        fx, fy, fz, wx, wy, wz, False,
+        fx, fy, fz, wx, wy, wz, bridged,
     )  # fmt: skip
     return CLOSED if closed else TAKEN
 

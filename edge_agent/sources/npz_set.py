@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge_agent.evaluation.course_truth import DrivenSpeed, MountTruth, StepCount, Waypoints
-from edge_agent.evaluation.truth import Truth, truth_of_path, truth_of_stances
+from edge_agent.evaluation.measured_path import truth_of_path
+from edge_agent.evaluation.truth import Truth, truth_of_stances
 from edge_agent.sources.recording import (
     LARGEST_TIME_S,
     MICROTESLA_PER_GAUSS,

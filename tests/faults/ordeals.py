@@ -54,9 +54,15 @@ class Outcome(NamedTuple):
     silent_s: float | None
 
 
-def kills(folder: Path, times: int, seed: int = 1, lives_s: float = 3.0) -> Outcome:
+def kills(
+    folder: Path,
+    times: int,
+    seed: int = 1,
+    lives_s: float = 3.0,
+    daps: Sequence[str] = ("dap1", "dap2"),
+) -> Outcome:
     """Kill agent, DAP and post, in turn and together, ``times`` times."""
-    site = Deployment(folder, ["dap1", "dap2"], ["r1", "r2"])
+    site = Deployment(folder, daps, ["r1", "r2"])
     programs = programs_of(site)
     chance = random.Random(seed)  # noqa: S311
     everybody = [program.name for program in programs]
@@ -167,8 +173,13 @@ def _in_turn(names: Sequence[str], times: int, seed: int) -> Iterator[str]:
         yield names[number % len(names)]
 
 
-def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: float) -> Outcome:
-    """Let responders share ``link`` to one DAP, cut it for a while, and go on behind it."""
+def bad_air(
+    folder: Path, responders: int, link: Link, cut_s: float, after_s: float, more: int = 10
+) -> Outcome:
+    """Let responders share ``link`` to one DAP, cut it for a while, and go on behind it.
+
+    They go on for ``after_s``, and then for so many strides ``more``.
+    """
     names = [f"r{number}" for number in range(1, responders + 1)]
     with Air(["post", "dap1", *names, STAYS]) as air:
         everybody = [*names, STAYS]
@@ -188,7 +199,7 @@ def bad_air(folder: Path, responders: int, link: Link, cut_s: float, after_s: fl
                 air.link(name, "dap1", link)
             mended_ns = time.time_ns()
             let_last(after_s)
-            has_said(site, 10)
+            has_said(site, more)
             return ended(site, fleet, since_ns=mended_ns + SETTLED_NS)
 
 

@@ -118,7 +118,7 @@ def test_a_link_that_flaps(site: Site, delay_s: float) -> None:
     relay = site.relay(delay_s)
     with site.talking("r1", relay.port, 20.0):
         site.has_heard("r1")
-        for _ in range(4):
+        for _ in range(3):
             relay.cut()
             let_last(0.5)
             relay.mend()

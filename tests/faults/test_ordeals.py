@@ -18,10 +18,12 @@ in_air = pytest.mark.skipif(NO_AIR is not None, reason=str(NO_AIR))
 @pytest.mark.parametrize(
     "ordeal",
     [
-        pytest.param(lambda folder: ordeals.kills(folder, times=5, lives_s=1.0), id="kills"),
+        pytest.param(
+            lambda folder: ordeals.kills(folder, times=4, lives_s=1.0, daps=["dap1"]), id="kills"
+        ),
         pytest.param(
             lambda folder: ordeals.bad_air(
-                folder, 2, Link(delay_s=0.01, loss=0.2), cut_s=4.0, after_s=2.0
+                folder, 2, Link(delay_s=0.01, loss=0.2), cut_s=3.0, after_s=4.0, more=2
             ),
             id="lossy",
             marks=in_air,

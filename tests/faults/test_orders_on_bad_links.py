@@ -29,7 +29,7 @@ from tests.bus.test_zenoh import port_of
 from tests.waiting import wait_for
 
 FIRE = "fire"
-FLAPS = 4
+FLAPS = 3
 PATIENT_S = 90.0
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import msgpack
 import msgspec
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from shared.codec import MAX_PAYLOAD_BYTES, Refusal, decode, encode, parse_key
@@ -19,6 +19,8 @@ from shared.topics import ROLES, TOPICS, Key
 from tests.wire_messages import INCIDENT, NODE, key_for, messages
 
 every_topic = pytest.mark.parametrize("topic", list(TOPICS))
+few = settings(max_examples=20)
+"""Of each topic: there are many, and much is alike in all."""
 
 MAY_BE_ABSENT = {
     "proximity": {"near_log_odds", "range_m", "range_sd_m"},
@@ -109,6 +111,7 @@ def replaced(value: Any, path: Path, new: object) -> Any:
 
 
 @every_topic
+@few
 @given(data=st.data())
 def test_encoded_and_decoded_it_is_the_same(topic: str, data: st.DataObject) -> None:
     message = data.draw(messages(TOPICS[topic].message))
@@ -116,6 +119,7 @@ def test_encoded_and_decoded_it_is_the_same(topic: str, data: st.DataObject) -> 
 
 
 @every_topic
+@few
 @given(data=st.data())
 def test_another_messagepack_reads_a_map_of_the_documented_fields(
     topic: str, data: st.DataObject
@@ -130,6 +134,7 @@ def test_another_messagepack_reads_a_map_of_the_documented_fields(
 
 
 @every_topic
+@few
 @given(data=st.data())
 def test_what_another_messagepack_writes_is_read(topic: str, data: st.DataObject) -> None:
     message = data.draw(messages(TOPICS[topic].message))
@@ -140,6 +145,7 @@ def test_what_another_messagepack_writes_is_read(topic: str, data: st.DataObject
 
 
 @every_topic
+@few
 @given(payload=st.binary(max_size=200))
 def test_arbitrary_bytes_never_raise(topic: str, payload: bytes) -> None:
     decoded = decode(key_for(topic), payload)
@@ -169,6 +175,7 @@ WRONG_ANYWHERE: dict[str, bytes] = {
 
 
 @every_topic
+@few
 @given(wrong=st.sampled_from(list(WRONG_ANYWHERE)), data=st.data())
 def test_a_wrong_value_anywhere_is_refused(topic: str, wrong: str, data: st.DataObject) -> None:
     fields = msgpack.unpackb(encode(data.draw(messages(TOPICS[topic].message))))
@@ -181,6 +188,7 @@ def test_a_wrong_value_anywhere_is_refused(topic: str, wrong: str, data: st.Data
 
 
 @every_topic
+@few
 @given(data=st.data())
 def test_a_missing_field_is_refused(topic: str, data: st.DataObject) -> None:
     fields = msgpack.unpackb(encode(data.draw(messages(TOPICS[topic].message))))
@@ -198,6 +206,7 @@ def test_an_increment_of_before_activities_is_read(data: st.DataObject) -> None:
 
 
 @every_topic
+@few
 @given(data=st.data())
 def test_a_truncated_or_prolonged_message_is_refused(topic: str, data: st.DataObject) -> None:
     payload = encode(data.draw(messages(TOPICS[topic].message)))

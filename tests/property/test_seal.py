@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shared.codec import decode, encode
@@ -17,6 +17,7 @@ numbers = st.integers(0, 2**64 - 1)
 
 
 @pytest.mark.parametrize("topic", TOPICS)
+@settings(max_examples=20)
 @given(data=st.data(), run=runs, number=numbers)
 def test_sealing_changes_nothing_of_the_message(
     topic: str, data: st.DataObject, run: bytes, number: int

@@ -23,6 +23,8 @@ IMPORTED = """
 import sys
 import edge_agent.commands.follow
 print(*{"scipy.signal", "matplotlib", "shared.simulation.walker"} & set(sys.modules))
+import edge_agent.sources.simulated
+print(*{"scipy.signal", "matplotlib"} & set(sys.modules))
 """
 
 

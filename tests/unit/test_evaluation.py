@@ -19,13 +19,13 @@ from edge_agent.evaluation.errors import (
     stance_errors,
 )
 from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
+from edge_agent.evaluation.measured_path import truth_of_path
 from edge_agent.evaluation.score_card import score_card, score_trial, set_of
 from edge_agent.evaluation.truth import (
     Array,
     Height,
     Speed,
     Truth,
-    truth_of_path,
     truth_of_stances,
 )
 from edge_agent.evaluation.vertical import VerticalErrors, vertical_errors

@@ -9,7 +9,7 @@ import pytest
 from command_post.fusion.cloud import kernels
 from command_post.fusion.methods import make_fusion, prepare_fusion
 from command_post.fusion.settings import FusionMethod, FusionSettings
-from command_post.fusion.team import smoother
+from command_post.fusion.team import axis, smoother
 
 
 @pytest.mark.parametrize("method", get_args(FusionMethod))
@@ -19,7 +19,10 @@ def test_every_method_is_made_and_rehearsed(method: FusionMethod) -> None:
     assert not make_fusion(settings).estimates
 
 
-def test_the_team_is_ready_with_its_smoother_and_its_cloud() -> None:
+def test_the_team_is_ready_with_its_smoother_its_axis_and_its_cloud() -> None:
     prepare_fusion(FusionSettings(method="team"))
-    needed: tuple[Any, ...] = (kernels.run_steps, kernels.spawn_particles, smoother.smooth)
+    needed: tuple[Any, ...] = (
+        kernels.run_steps, kernels.spawn_particles, smoother.smooth,
+        axis.first_of_corridor, axis.cost_of_legs,
+    )  # fmt: skip
     assert all(kernel.signatures for kernel in needed)

@@ -46,17 +46,18 @@ def walk(
     alike_m = rng.normal(0.0, ALIKE_M) if alike_m is None else alike_m
     height_filter = HeightFilter()
     heights_m = np.concatenate(([0.0], np.cumsum(true_up_m)))
-    rate_hz = round(READINGS_HZ)
+    strides_s = STRIDE_S * np.arange(len(heights_m))
+    steps_s = (np.arange(round(STRIDE_S * READINGS_HZ)) + 0.5) / READINGS_HZ
     told_sd_m = math.hypot(SD_M, ALIKE_M)
     for index, rise_m in enumerate(true_up_m.tolist()):
-        for step in range(round(STRIDE_S * rate_hz)):
-            time_s = index * STRIDE_S + (step + 0.5) / rate_hz
-            height_m = float(np.interp(time_s, STRIDE_S * np.arange(len(heights_m)), heights_m))
+        times_s = index * STRIDE_S + steps_s
+        noisy_m = np.interp(times_s, strides_s, heights_m) - rng.normal(0.0, NOISE_M, steps_s.size)
+        readings_pa = (98_000.0 - PA_PER_M * noisy_m).tolist()
+        for step, (time_s, reading_pa) in enumerate(
+            zip(times_s.tolist(), readings_pa, strict=True)
+        ):
             added_pa = disturb_pa(time_s)
-            noise_pa = PA_PER_M * rng.normal(0.0, NOISE_M)
-            pressure_pa = None if added_pa is None else 98_000.0 - PA_PER_M * height_m + noise_pa
-            if pressure_pa is not None and added_pa is not None:
-                pressure_pa += added_pa
+            pressure_pa = None if added_pa is None else reading_pa + added_pa
             # A boot that walks turns at each stride.
             sample = ImuSample(
                 round(time_s * NS_PER_S), (0.0, 0.0, -9.81), (0.0, 3.0 * (step < 12), 0.0),
