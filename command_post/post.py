@@ -62,7 +62,10 @@ MOST_AT_ONCE = 256
 """Messages that are handled before anybody else's are looked for."""
 
 MOST_WAITING = 5_000
-"""With so many messages in the inbox, no missing ones are asked for."""
+"""With so many messages in the inbox, no missing ones are asked for.
+
+Nor while any wait that were: they would be asked for again.
+"""
 
 SHOW_PERIOD_S = 0.25
 LEAST_WAIT_S = 0.001
@@ -174,7 +177,7 @@ class Post:
             self._bus,
             settings.incident,
             self._reception.missing,
-            self._hear,
+            self._hear_again,
             has_room=self._has_room,
         )
         at_work = [
@@ -278,6 +281,10 @@ class Post:
     def _hear(self, received: Received) -> None:
         self._inbox.put(_Heard(*received, self._clock.own.now_ns()))
 
+    def _hear_again(self, received: Received) -> None:
+        """Take in what was missed: it waits behind all that is said now."""
+        self._inbox.put(_Heard(*received, self._clock.own.now_ns()), refilled=True)
+
     def _until_due_s(self) -> float:
         """Return for how many real seconds to wait for a message: until something is due."""
         due_ns = self._incident.due_ns
@@ -320,7 +327,7 @@ class Post:
         return False
 
     def _has_room(self) -> bool:
-        return len(self._inbox) < MOST_WAITING
+        return len(self._inbox) < MOST_WAITING and not self._inbox.refilled
 
     def _heed_guests(self) -> None:
         """Do what people ask for: they were let in where they did."""
