@@ -10,7 +10,6 @@ from shared.received_numbers import Hole
 from shared.seal import sealed
 from tests.traffic import increment, key_of
 
-KEY = key_of("responder", "r1", "increment")
 RUN = b"\x07" * 8
 JOURNAL = JournalRun("responder", "r1", RUN)
 
@@ -31,15 +30,18 @@ class World:
         self.keeping = Safekeeping(self.gate, self.disk)
         self.now_s = 1000.0
 
-    def hear(self, *numbers: int, run: bytes = RUN, taken: bool = True) -> None:
+    def hear(
+        self, *numbers: int, node_id: str = "r1", run: bytes = RUN, taken: bool = True
+    ) -> None:
         """Let in messages of these numbers, which the disk takes or drops."""
+        key = key_of("responder", node_id, "increment")
         for number in numbers:
             payload = sealed(encode(increment(number)), run, number)
-            assert self.gate.admit(KEY, payload) is None
+            assert self.gate.admit(key, payload) is None
             if taken:
                 self.disk.taken += 1
             else:
-                self.keeping.lose(KEY, payload)
+                self.keeping.lose(key, payload)
 
     def told(self, looks: int = 1) -> list[int]:
         """Return the numbers told in so many seconds."""
@@ -102,7 +104,7 @@ def test_who_comes_late_hears_it_again_within_half_a_minute() -> None:
 def test_every_journal_is_told_of_in_receipts_that_are_small_enough() -> None:
     world = World()
     for number in range(600):
-        world.hear(1, run=number.to_bytes(8, "big"))
+        world.hear(1, node_id=f"r{number % 3 + 1}", run=number.to_bytes(8, "big"))
     world.told()
     world.sync()
     world.now_s += 3.0
