@@ -31,7 +31,8 @@ from command_post.nodes.safekeeping import Safekeeping
 from command_post.nodes.strangers import stranger_message, twin_remarks
 from command_post.post_clock import PostClock
 from command_post.reception import Reception
-from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
+from command_post.recorder.recorded import Outgoing
+from command_post.recorder.recording import RecordedIncident, Recorder
 from command_post.resuming.checkpoint import Checkpoints, State
 from command_post.resuming.taking_up import TakenUp, TakingUp
 from command_post.roster import Roster, RosterSettings, make_roster

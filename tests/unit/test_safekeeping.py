@@ -18,7 +18,7 @@ class FakeDisk:
     """Takes what it is given, and has it safe when it is told so."""
 
     def __init__(self) -> None:
-        self.taken = self.safe = 0
+        self.taken = self.safe = self.begun_anew = 0
         self.has_room = True
 
 
@@ -112,6 +112,22 @@ def test_every_journal_is_told_of_in_receipts_that_are_small_enough() -> None:
     assert [len(receipt.safe) for receipt in receipts] == [256, 256, 88]
     assert [receipt.sequence for receipt in receipts] == [0, 1, 2]
     assert receipts[0].safe[0] == SafeUpTo(role="responder", node_id="r1", run="00" * 8, number=1)
+
+
+def test_what_was_safe_comes_again_when_somebody_has_cut_the_file() -> None:
+    world = World()
+    world.hear(1, 2, 3)
+    world.hear(5, node_id="r2")
+    world.told()
+    world.sync()
+    assert sorted(world.told(5)) == [3]
+    world.disk.begun_anew += 1
+    world.told()
+    missing = {each.journal.node_id: each.hole for each in world.gate.missing()}
+    assert missing == {"r1": Hole(1, 3), "r2": Hole(1, 5)}
+    world.hear(1, 2, 3)
+    world.sync()
+    assert set(world.told(40)) == {3}
 
 
 def test_what_the_disk_had_to_drop_is_never_told_and_comes_again() -> None:
