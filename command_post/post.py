@@ -63,10 +63,7 @@ MOST_AT_ONCE = 256
 """Messages that are handled before anybody else's are looked for."""
 
 MOST_WAITING = 5_000
-"""With so many messages in the inbox, no missing ones are asked for.
-
-Nor while any wait that were: they would be asked for again.
-"""
+"""With so many messages in the inbox, no missing ones are asked for."""
 
 SHOW_PERIOD_S = 0.25
 LEAST_WAIT_S = 0.001
@@ -179,7 +176,8 @@ class Post:
             settings.incident,
             self._reception.missing,
             self._hear_again,
-            has_room=self._has_room,
+            has_room=lambda: len(self._inbox) < MOST_WAITING,
+            is_seen=lambda run: not self._inbox.refilled_of(f"{run.role}/{run.node_id}"),
         )
         at_work = [
             Thread(target=self._going_on.running, args=(name, run, stop), name=name)
@@ -326,9 +324,6 @@ class Post:
         with self._going_on.survived("letting somebody in"):
             return not self._voice.is_own(received) and self._reception.lets_in(received)
         return False
-
-    def _has_room(self) -> bool:
-        return len(self._inbox) < MOST_WAITING and not self._inbox.refilled
 
     def _heed_guests(self) -> None:
         """Do what people ask for: they were let in where they did."""

@@ -96,10 +96,11 @@ class FairInbox(Generic[T]):
     def __len__(self) -> int:
         return self._live.count + self._refilled.count
 
-    @property
-    def refilled(self) -> int:
-        """How many messages wait that were refilled."""
-        return self._refilled.count
+    def refilled_of(self, sender: str) -> int:
+        """Return how many messages of a sender wait that were refilled."""
+        with self._filled:
+            queue = self._refilled.queues.get(sender)
+            return 0 if queue is None else len(queue.messages)
 
     def lost(self) -> Counter[tuple[Lost, str]]:
         """Return how much did not get through, by reason and sender."""
@@ -173,7 +174,7 @@ class FairInbox(Generic[T]):
         with self._filled:
             self._filled.wait_for(lambda: len(self), timeout_s)
             live = [self._next(self._live) for _ in range(min(most, self._live.count))]
-            return live + [self._next(self._refilled) for _ in range(min(1, self.refilled))]
+            return [*live, self._next(self._refilled)] if self._refilled.count else live
 
     def _next(self, line: _Line[T]) -> T:
         queue = line.turns.popleft()

@@ -77,6 +77,7 @@ def test_what_is_said_now_waits_for_one_at_most_that_was_refilled() -> None:
     due_s = 0.0
     for number in range(271):
         inbox.put(message("r1", 1000 + number), refilled=True)
+    assert inbox.refilled_of("responder/r1") == 271
     refilled: list[int] = []
     while len(inbox) or due_s < 60.0:
         while due_s <= min(now_s, 60.0):
@@ -105,7 +106,7 @@ def test_who_floods_does_not_keep_out_what_was_refilled() -> None:
             inbox.put(message("loud", number))
         heard += taken(inbox, 50)
     assert [int(one.payload) for one in heard if "r1" in one.key] == list(range(5))
-    assert inbox.refilled == 0
+    assert inbox.refilled_of("responder/r1") == 0
     assert inbox.queued() == {"responder/loud": 250}
 
 
