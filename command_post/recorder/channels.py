@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
-
-from mcap.records import Channel
-
-from command_post.recorder.layout import Declared
 
 _MARKS = ("outgoing", "excerpt", "derived")
 
@@ -26,9 +23,6 @@ class FileChannel(NamedTuple):
         return {name: "yes" for name in _MARKS if getattr(self, name)}
 
 
-def channel_of(channel: Channel, declared: Declared) -> FileChannel:
-    """Return what a file says of a channel that is ``declared`` in it."""
-    schema = declared.schemas.get(channel.schema_id)
-    name = None if schema is None else schema.name
-    marks = channel.metadata
-    return FileChannel(channel.topic, name, **{each: each in marks for each in _MARKS})
+def marked(topic: str, schema: str | None, marks: Mapping[str, str]) -> FileChannel:
+    """Return the channel of which a file says that."""
+    return FileChannel(topic, schema, **{each: each in marks for each in _MARKS})

@@ -22,7 +22,7 @@ from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 
-from command_post.recorder.channels import FileChannel, channel_of
+from command_post.recorder.channels import FileChannel, marked
 from command_post.recorder.differences import differences
 from command_post.recorder.last_bytes import LastBytes
 from command_post.recorder.layout import Declared, WholePart, ending, whole_part
@@ -178,7 +178,9 @@ class RecordingFile:
         for number, schema in self._declared.schemas.items():
             self._schemas[schema.name] = number
         for number, channel in self._declared.channels.items():
-            self._channels[channel_of(channel, self._declared)] = number
+            schema_of = self._declared.schemas.get(channel.schema_id)
+            name = None if schema_of is None else schema_of.name
+            self._channels[marked(channel.topic, name, channel.metadata)] = number
         self._go_on_at(whole.end_bytes)
         for message in whole.unindexed:
             self._writer.add_message(

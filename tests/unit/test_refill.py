@@ -283,8 +283,8 @@ def test_those_complete_are_forgotten() -> None:
 
 
 def test_what_has_come_and_waits_its_turn_is_not_asked_for_again() -> None:
-    plan, now_s, asked = RefillPlan(), 0.0, []
-    seen = False
+    plan, now_s, seen = RefillPlan(), 0.0, False
+    asked: list[int] = []
     for _ in range(200):
         lacks = missing("r1", 1, 50)
         behind = plan.behind.get(lacks.journal, 0)
