@@ -31,7 +31,8 @@ from command_post.nodes.safekeeping import Safekeeping
 from command_post.nodes.strangers import stranger_message, twin_remarks
 from command_post.post_clock import PostClock
 from command_post.reception import Reception
-from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
+from command_post.recorder.recorded import Outgoing
+from command_post.recorder.recording import RecordedIncident, Recorder
 from command_post.resuming.checkpoint import Checkpoints, State
 from command_post.resuming.taking_up import TakenUp, TakingUp
 from command_post.roster import Roster, RosterSettings, make_roster
@@ -174,8 +175,9 @@ class Post:
             self._bus,
             settings.incident,
             self._reception.missing,
-            self._hear,
-            has_room=self._has_room,
+            self._hear_again,
+            has_room=lambda: len(self._inbox) < MOST_WAITING,
+            is_seen=lambda run: not self._inbox.refilled_of(f"{run.role}/{run.node_id}"),
         )
         at_work = [
             Thread(target=self._going_on.running, args=(name, run, stop), name=name)
@@ -278,6 +280,10 @@ class Post:
     def _hear(self, received: Received) -> None:
         self._inbox.put(_Heard(*received, self._clock.own.now_ns()))
 
+    def _hear_again(self, received: Received) -> None:
+        """Take in what was missed: it waits behind all that is said now."""
+        self._inbox.put(_Heard(*received, self._clock.own.now_ns()), refilled=True)
+
     def _until_due_s(self) -> float:
         """Return for how many real seconds to wait for a message: until something is due."""
         due_ns = self._incident.due_ns
@@ -318,9 +324,6 @@ class Post:
         with self._going_on.survived("letting somebody in"):
             return not self._voice.is_own(received) and self._reception.lets_in(received)
         return False
-
-    def _has_room(self) -> bool:
-        return len(self._inbox) < MOST_WAITING
 
     def _heed_guests(self) -> None:
         """Do what people ask for: they were let in where they did."""

@@ -17,7 +17,7 @@ from msgspec import structs
 from command_post.evaluation.evidence import Evidence
 from command_post.incident import Incident as OwnIncident
 from command_post.incident import IncidentSettings
-from command_post.recorder.recording import Incident
+from command_post.recorder.recorded import Incident
 from shared.codec import Refusal, decode, parse_key
 from shared.mcap_reader import ReadReport, RecordingError, read_recording
 

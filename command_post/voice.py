@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from hashlib import blake2b
 
-from command_post.recorder.recording import Outgoing
+from command_post.recorder.recorded import Outgoing
 from shared.bus.interface import Bus, Received
 from shared.messages import OrderAnswer
 from shared.sender import Outbox

@@ -54,15 +54,20 @@ class Collector:
         put: Callable[[Received], None],
         *,
         has_room: Callable[[], bool] = lambda: True,
+        is_seen: Callable[[JournalRun], bool] = lambda _: True,
         of: Role | Literal["*"] = "*",
     ) -> None:
-        """``put`` takes what has come, as long as it ``has_room``; ``of``: whose journals."""
+        """``put`` takes what has come, as long as it ``has_room``; ``of``: whose journals.
+
+        ``is_seen`` says whether all that was put of a journal has been let in, or turned away.
+        """
         self.counts: Counter[Count] = Counter()
         self._bus = bus
         self._incident = incident
         self._missing = missing
         self._put = put
         self._has_room = has_room
+        self._is_seen = is_seen
         self._plan = RefillPlan()
         self._beats: Inbox[Received] = Inbox(MOST_BEATS)
         self._heard_s: dict[tuple[Role, str], float] = {}
@@ -79,7 +84,7 @@ class Collector:
         self._heed_beats(now_s)
         if not self._has_room():
             return IDLE_S
-        ask = self._plan.next(self._missing(self._plan.behind), now_s)
+        ask = self._plan.next(self._missing(self._plan.behind), now_s, self._is_seen)
         return IDLE_S if ask is None else self._make(ask)
 
     def _make(self, ask: Ask) -> float:

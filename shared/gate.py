@@ -7,7 +7,7 @@ at an agent before an order is heeded. Whoever refills what was missed asks here
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from shared.codec import MAX_PAYLOAD_BYTES, Refusal, decode, parse_key
@@ -15,12 +15,22 @@ from shared.messages import Beat
 from shared.received_numbers import Hole, ReceivedNumbers
 from shared.seal import Seal, read_seal
 from shared.topics import TOPICS, Key, Role
+from shared.units import NS_PER_S
 
 MOST_RUNS = 16_384
 """Runs that are remembered, of all nodes together."""
 
-MOST_LIVE_RUNS = 64
-"""Runs of one key that are remembered, where nothing is journalled."""
+MOST_RUNS_OF_A_NODE = 256
+"""Journals that a node may have had: who makes up runs is not to take the room of all others."""
+
+MOST_LIVE_RUNS = 1024
+"""Runs of one key that are remembered, where nothing is journalled: each order is a process's."""
+
+TWINS_APART_NS = 10 * NS_PER_S
+"""By so much the clocks of two by one name may differ who are heard in turns."""
+
+TOLD_LATER = frozenset({"dap_place"})
+"""What is not dated by when it is said, but by when it came to be so."""
 
 MOST_TURNED = 16_384
 """Reasons and nodes that are counted apart; what is beyond counts under ``UNNAMED``."""
@@ -93,6 +103,9 @@ class Gate:
         self._verifier = verifier
         self._journals: dict[JournalRun, ReceivedNumbers] = {}
         self._live: dict[str, LiveRuns] = {}
+        self._runs_of = Counter[tuple[Role, str]]()
+        """How many runs of each node are in ``_journals``."""
+
         self.turned: Counter[tuple[Turned, str]] = Counter()
         self.gone: Counter[JournalRun] = Counter()
         """How many messages of a journal are known to be lost for good."""
@@ -129,6 +142,7 @@ class Gate:
     def remember(self, remembered: Remembered) -> None:
         """Know what another knew, and nothing else."""
         self._journals, self._live, self.gone = remembered
+        self._runs_of = Counter((run.role, run.node_id) for run in self._journals)
 
     def recall(self, key_text: str, payload: bytes) -> None:
         """Take in once more what was let in before, as a record of it says."""
@@ -182,7 +196,8 @@ class Gate:
             return self._take_journalled(key, seal)
         if key_text not in self._live and len(self._live) >= MOST_RUNS:
             return "too_many_runs"
-        why = self._live.setdefault(key_text, LiveRuns()).take(seal)
+        runs = self._live.setdefault(key_text, LiveRuns())
+        why = runs.take(seal, lambda: _said_ns(key, payload, runs.since_ns))
         if why is None and key.topic == "beat":
             self._heed(key, payload)
         return why
@@ -205,9 +220,12 @@ class Gate:
                     self.gone[journal] += number <= beat.last_number and numbers.take(number)
 
     def _numbers(self, journal: JournalRun) -> ReceivedNumbers | None:
+        node = (journal.role, journal.node_id)
         numbers = self._journals.get(journal)
-        if numbers is None and len(self._journals) < MOST_RUNS:
+        has_room = len(self._journals) < MOST_RUNS and self._runs_of[node] < MOST_RUNS_OF_A_NODE
+        if numbers is None and has_room:
             numbers = self._journals[journal] = ReceivedNumbers()
+            self._runs_of[node] += 1
         return numbers
 
 
@@ -215,24 +233,44 @@ class LiveRuns:
     """What is kept nowhere: within each run its numbers rise.
 
     Two who go by one name, by mistake, speak in turns. So a run that another came after is gone on
-    with by what is newer: who of them stays is heard.
+    with by what is newer: who of them stays is heard. But only by what is said since, as it is
+    dated itself: who hands messages on can keep the last ones of a process that has ended, and say
+    them once another speaks in its place.
     """
 
-    def __init__(self, numbers: Iterable[tuple[bytes, int]] = ()) -> None:
+    def __init__(self, numbers: Iterable[tuple[bytes, int]] = (), since_ns: int = 0) -> None:
         self._numbers = dict(numbers)
+        self._speaking = next(reversed(self._numbers), None)
+        self.since_ns = since_ns
+        """When the run that speaks began to, or went on, as it dates it."""
 
     @property
     def numbers(self) -> list[tuple[bytes, int]]:
         """The newest number of each run, those that were heard last at the end."""
         return list(self._numbers.items())
 
-    def take(self, seal: Seal) -> Turned | None:
-        """Take a number; return why it is turned away, if it is."""
+    def take(self, seal: Seal, said_ns: Callable[[], int]) -> Turned | None:
+        """Take a number, said when ``said_ns`` tells; return why it is turned away, if it is."""
         newest = self._numbers.get(seal.run, 0)
         if seal.number <= newest:
             return "repeated" if seal.number == newest else "replayed"
+        if seal.run != self._speaking:
+            begins_ns = said_ns()
+            if newest and begins_ns < self.since_ns - TWINS_APART_NS:
+                return "replayed"
+            # A unit's clock may be set back between two of its processes.
+            self.since_ns = max(begins_ns, self.since_ns) if newest else begins_ns
+            self._speaking = seal.run
         self._numbers.pop(seal.run, None)
         self._numbers[seal.run] = seal.number
         if len(self._numbers) > MOST_LIVE_RUNS:
             del self._numbers[next(iter(self._numbers))]
         return None
+
+
+def _said_ns(key: Key, payload: bytes, unknown_ns: int) -> int:
+    """Return when a message was said, by its sender's clock; ``unknown_ns`` if it does not tell."""
+    message = decode(key, payload)
+    if isinstance(message, Refusal) or key.topic in TOLD_LATER:
+        return unknown_ns
+    return message.event_time_ns

@@ -23,10 +23,14 @@ class JournalNotes(msgspec.Struct, array_like=True, frozen=True):
 
 
 class LiveNotes(msgspec.Struct, array_like=True, frozen=True):
-    """Of a key that is in no journal: the newest number of each run, the last heard at the end."""
+    """Of a key that is in no journal: the newest number of each run, the last heard at the end.
+
+    That one has spoken since ``since_ns``, as it dates it.
+    """
 
     key: str
     numbers: list[tuple[bytes, int]]
+    since_ns: int = 0
 
 
 class GateNotes(msgspec.Struct, array_like=True, frozen=True):
@@ -42,7 +46,7 @@ def noted(remembered: Remembered) -> GateNotes:
         JournalNotes(*journal, numbers.highest, list(numbers.holes()), remembered.gone[journal])
         for journal, numbers in remembered.journals.items()
     ]
-    live = [LiveNotes(key, of.numbers) for key, of in remembered.live.items()]
+    live = [LiveNotes(key, of.numbers, of.since_ns) for key, of in remembered.live.items()]
     return GateNotes(journals, live)
 
 
@@ -51,6 +55,6 @@ def recalled(notes: GateNotes) -> Remembered:
     journals = {JournalRun(each.role, each.node_id, each.run): each for each in notes.journals}
     return Remembered(
         {run: ReceivedNumbers.of_holes(of.highest, of.holes) for run, of in journals.items()},
-        {of.key: LiveRuns(of.numbers) for of in notes.live},
+        {of.key: LiveRuns(of.numbers, of.since_ns) for of in notes.live},
         Counter({run: of.gone for run, of in journals.items() if of.gone}),
     )

@@ -125,7 +125,8 @@ def _render(json: bool) -> list[structlog.typing.Processor]:
 def stop_on_signals() -> Iterator[threading.Event]:
     """Give an event that is set by SIGINT or SIGTERM; whoever is impatient signals again.
 
-    A second signal ends the program on the spot with ``ExitCode.INTERRUPTED``. To be entered in the
+    So it is by SIGHUP, when the terminal is gone, unless that is to be ignored (``nohup``). A
+    second signal ends the program on the spot with ``ExitCode.INTERRUPTED``. To be entered in the
     main thread (else ``ValueError``); the former handlers return at the end of the block.
     """
     stop = threading.Event()
@@ -141,12 +142,19 @@ def stop_on_signals() -> Iterator[threading.Event]:
         elif time.monotonic() - asked_s > IMPATIENCE_S:
             os._exit(ExitCode.INTERRUPTED)
 
-    former = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    former = {number: signal.signal(number, ask) for number in _stopping()}
     try:
         yield stop
     finally:
         for number, handler in former.items():
             signal.signal(number, handler)
+
+
+def _stopping() -> Iterator[signal.Signals]:
+    yield from (signal.SIGINT, signal.SIGTERM)
+    # Windows has none.
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        yield signal.SIGHUP
 
 
 @contextmanager

@@ -7,7 +7,7 @@ whole round has changed nothing the next one waits, longer every time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from shared.gate import JournalRun, Missing
@@ -51,18 +51,27 @@ class RefillPlan:
         """Up to which number each journal has been asked for in its round."""
         return {journal: refill.behind for journal, refill in self._journals.items()}
 
-    def next(self, missing: Sequence[Missing], now_s: float) -> Ask | None:
+    def next(
+        self,
+        missing: Sequence[Missing],
+        now_s: float,
+        is_seen: Callable[[JournalRun], bool] = lambda _: True,
+    ) -> Ask | None:
         """Return the request to make now, of what is ``missing`` beyond ``behind``, if any is due.
 
         ``missing`` names every journal that has a hole; what is remembered of others is forgotten.
+        Of a journal of which not all that has come ``is_seen``, no other round is begun: it would
+        ask for what only waits its turn.
         """
         known = self._journals
         self._journals = {
             each.journal: known.get(each.journal) or _Refill(now_s + GRACE_S) for each in missing
         }
-        for each in missing:
-            self._journals[each.journal].look_at(each, now_s)
-        due = [each for each in missing if self._journals[each.journal].due_s <= now_s]
+        known = self._journals
+        asked = [m for m in missing if known[m.journal].goes_on(m) or is_seen(m.journal)]
+        for each in asked:
+            known[each.journal].look_at(each, now_s)
+        due = [each for each in asked if known[each.journal].due_s <= now_s]
         if not due:
             return None
         chosen = min(due, key=lambda each: self._journals[each.journal].asked_s)
@@ -114,12 +123,16 @@ class _Refill:
         self._missing_before = 0
         """How many were missing when the round began."""
 
+    def goes_on(self, missing: Missing) -> bool:
+        """Say whether anything is missing beyond what this round has asked for."""
+        return missing.hole.first > self.behind
+
     def look_at(self, missing: Missing, now_s: float) -> None:
         """Begin another round if nothing is missing beyond what this one has asked for."""
         is_new = missing.in_all > self._missing_before
         if is_new and self.vain_rounds:
             self.vain_rounds, self.due_s = 0, 0.0
-        if missing.hole.first > self.behind:
+        if self.goes_on(missing):
             self._missing_before = max(self._missing_before, missing.in_all)
             return
         in_vain = missing.in_all >= self._missing_before

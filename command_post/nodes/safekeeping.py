@@ -30,6 +30,10 @@ class Disk(Protocol):
     def has_room(self) -> bool:
         """Whether it works, and is not behind."""
 
+    @property
+    def begun_anew(self) -> int:
+        """How often all that was safe was gone."""
+
 
 class _Mark(NamedTuple):
     """What of each journal had come without a gap when the disk had taken so many messages."""
@@ -49,6 +53,7 @@ class Safekeeping:
         self._told: Mapping[JournalRun, int] = {}
         self._told_s = self._repeated_s = -REPEAT_PERIOD_S
         self._lost: dict[JournalRun, list[Hole]] = {}
+        self._begun_anew = disk.begun_anew
         self._sequence = count()
 
     @property
@@ -82,6 +87,11 @@ class Safekeeping:
         return self._tell(news, now_s, now_ns)
 
     def _look(self) -> None:
+        if self._begun_anew != self._disk.begun_anew:
+            self._begun_anew = self._disk.begun_anew
+            self._mark = None
+            for journal, numbers in self._gate.journals():
+                self._lost[journal] = [Hole(1, numbers.highest)]
         if self._mark is not None and self._disk.safe >= self._mark.taken:
             self._safe, self._mark = self._mark.up_to, None
         if self._lost and self._disk.has_room:

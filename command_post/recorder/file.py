@@ -7,6 +7,7 @@ called ``NAME.mcap.part`` until it is finished; ``shared.mcap_reader`` reads bot
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -14,7 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 import structlog
@@ -22,9 +22,12 @@ from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 
+from command_post.recorder.channels import FileChannel, marked
 from command_post.recorder.differences import differences
+from command_post.recorder.last_bytes import LastBytes
 from command_post.recorder.layout import Declared, WholePart, ending, whole_part
 from command_post.recorder.mirror import Drawn, Mirror
+from command_post.recorder.schemas import MESSAGES, json_schema
 from shared.codec import Refusal, decode, parse_key
 from shared.files import is_at, replace_atomically, sync_folder
 from shared.mcap_reader import (
@@ -58,8 +61,6 @@ MOST_TOLD = 4
 """How much is told of how two recordings differ."""
 
 _NO_SCHEMA = 0
-_MARKS = ("outgoing", "excerpt", "derived")
-_MESSAGES = {topic.message.__name__: topic.message for topic in TOPICS.values()}
 
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -105,11 +106,15 @@ class RecordingFile:
         self.synced_bytes = 0
         """How much of it would survive a power cut."""
 
-        self._channels: dict[_Channel, int] = {}
+        self._channels: dict[FileChannel, int] = {}
         self._schemas: dict[str, int] = {}
         self._declared = Declared()
         self._mirror = mirror
         self._link = link
+        self._metadata = metadata
+        self._last_bytes = LastBytes()
+        self._is_cut = False
+        self._messages = self._synced_messages = 0
         if path.exists() and not replace:
             raise RecorderError(f"{path}: is there already; give the recording another name")
         whole = self._to_be_resumed(metadata) if resume else None
@@ -173,7 +178,9 @@ class RecordingFile:
         for number, schema in self._declared.schemas.items():
             self._schemas[schema.name] = number
         for number, channel in self._declared.channels.items():
-            self._channels[_channel_of(channel, self._declared)] = number
+            schema_of = self._declared.schemas.get(channel.schema_id)
+            name = None if schema_of is None else schema_of.name
+            self._channels[marked(channel.topic, name, channel.metadata)] = number
         self._go_on_at(whole.end_bytes)
         for message in whole.unindexed:
             self._writer.add_message(
@@ -200,16 +207,41 @@ class RecordingFile:
     def _new_writer(self) -> Writer:
         return Writer(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
 
-    def mend(self) -> None:
+    def mend(self) -> int:
         """Go on, after an ``OSError``, behind what was synced last.
 
-        Raises ``OSError`` as long as that is not possible, and can be called again then.
+        Where that has been cut by somebody else, another file is begun: return how many messages
+        were in the one before. Raises ``OSError`` as long as that is not possible, and can be
+        called again then.
         """
         self.abandon()
+        if self._is_cut:
+            return self._begin_anew()
         self._stream = self.part.open("r+b")
         self._go_on_at(self.synced_bytes)
         for number in range(self._synced_channels + 1, len(self._declared.channels) + 1):
             self._tell_channel(self._declared.channels[number])
+        return 0
+
+    def _begin_anew(self) -> int:
+        """Put what is left of the file aside, for whoever can read it, and begin it once more."""
+        aside = self.part.with_name(f"{self.part.name}.cut")
+        if not aside.exists():
+            self.part.replace(aside)
+        self._stream = self.part.open("w+b")
+        self._writer = self._new_writer()
+        self._channels, self._schemas, self._declared = {}, {}, Declared()
+        self.is_resumed, gone = False, self._synced_messages
+        self._last_bytes = LastBytes()
+        self._begin(self._metadata)
+        self._is_cut, self._messages, self._synced_messages = False, 0, 0
+        if self._mirror is not None:
+            self._mirror.draw_again()
+        _log.error(
+            "somebody has cut the recording: another is begun", file=str(self.part), gone=gone,
+            what_is_left=str(aside),
+        )  # fmt: skip
+        return gone
 
     def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> bool:
         """Add a message that was received at ``log_time_ns``, or made then (``outgoing``).
@@ -222,9 +254,9 @@ class RecordingFile:
             return True
         message = parsed if isinstance(parsed, Refusal) else decode(parsed, payload)
         schema = None if isinstance(message, Refusal) else type(message).__name__
-        channel = _Channel(key, schema, outgoing)
+        channel = FileChannel(key, schema, outgoing)
         if len(payload) > MAX_PAYLOAD_BYTES or not self._has_place(channel):
-            channel = _Channel(EXCERPTS, None, outgoing, excerpt=True)
+            channel = FileChannel(EXCERPTS, None, outgoing, excerpt=True)
             payload = _excerpt(key, payload)
         self._writer.add_message(
             self._channel_id(channel),
@@ -233,6 +265,7 @@ class RecordingFile:
             publish_time=log_time_ns if isinstance(message, Refusal) else message.event_time_ns,
             sequence=0 if isinstance(message, Refusal) else message.sequence % (1 << 32),
         )
+        self._messages += 1
         if not (isinstance(parsed, Refusal) or isinstance(message, Refusal)):
             self._draw(parsed.node_id, message, log_time_ns, outgoing=outgoing)
         return True
@@ -262,11 +295,16 @@ class RecordingFile:
     def sync(self) -> None:
         """Return once all that was put in would survive a power cut."""
         self._writer.flush()
+        if not self._last_bytes.are_in(self._stream):
+            self._is_cut = True
+            raise OSError(errno.EIO, "somebody else has cut or overwritten it", str(self.part))
         os.fsync(self._stream.fileno())
         if not is_at(self.part, self._stream):
             self._put_back()
         self.synced_bytes = self._stream.tell()
+        self._last_bytes.note(self._stream)
         self._synced_channels = len(self._channels)
+        self._synced_messages = self._messages
 
     def _put_back(self) -> None:
         """Write anew what somebody has removed or moved: it is still open here."""
@@ -317,18 +355,18 @@ class RecordingFile:
         """Write a chunk of what is only to be looked at."""
         self._writer.flush()
         for drawn in mirror.take_all():
-            channel = _Channel(drawn.topic, drawn.schema, outgoing=False, derived=True)
+            channel = FileChannel(drawn.topic, drawn.schema, outgoing=False, derived=True)
             if self._has_place(channel):
                 number = self._channel_id(channel, drawn)
                 self._writer.add_message(number, drawn.time_ns, drawn.data, drawn.time_ns)
         self._writer.flush()
 
-    def _has_place(self, channel: _Channel) -> bool:
+    def _has_place(self, channel: FileChannel) -> bool:
         return channel in self._channels or len(self._channels) < MAX_CHANNELS
 
-    def _channel_id(self, channel: _Channel, drawn: Drawn | None = None) -> int:
+    def _channel_id(self, channel: FileChannel, drawn: Drawn | None = None) -> int:
         if channel not in self._channels:
-            marks = {name: "yes" for name in _MARKS if getattr(channel, name)}
+            marks = channel.marks
             schema_id = self._schema_id(channel.schema, drawn) if channel.schema else _NO_SCHEMA
             encoding = MessageEncoding.JSON if channel.derived else MessageEncoding.MessagePack
             encoding = encoding if channel.schema or channel.excerpt else ""
@@ -345,7 +383,7 @@ class RecordingFile:
 
     def _schema_id(self, name: str, drawn: Drawn | None) -> int:
         if name not in self._schemas:
-            data = json_schema(_MESSAGES[name]) if drawn is None else drawn.schema_data
+            data = json_schema(MESSAGES[name]) if drawn is None else drawn.schema_data
             number = self._writer.register_schema(name, SchemaEncoding.JSONSchema, data)
             self._declared.schemas[number] = Schema(number, data, SchemaEncoding.JSONSchema, name)
             self._schemas[name] = number
@@ -354,29 +392,6 @@ class RecordingFile:
 
 def _cannot_be_written(path: Path, error: OSError) -> RecorderError:
     return RecorderError(f"{path}: cannot be written ({error.strerror}); record somewhere else")
-
-
-class _Channel(NamedTuple):
-    topic: str
-    schema: str | None
-    outgoing: bool
-    excerpt: bool = False
-    derived: bool = False
-
-
-def _channel_of(channel: Channel, declared: Declared) -> _Channel:
-    schema = declared.schemas.get(channel.schema_id)
-    name = None if schema is None else schema.name
-    marks = channel.metadata
-    return _Channel(channel.topic, name, **{each: each in marks for each in _MARKS})
-
-
-def json_schema(message: type[Message]) -> bytes:
-    """Return the JSON Schema of what ``message`` decodes to: one object, self-contained."""
-    _, parts = msgspec.json.schema_components([message], ref_template="#/$defs/{name}")
-    root = parts.pop(message.__name__)
-    dialect = "https://json-schema.org/draft/2020-12/schema"
-    return msgspec.json.encode({"$schema": dialect, **root, "$defs": parts}, order="sorted")
 
 
 def _excerpt(key: str, payload: bytes) -> bytes:

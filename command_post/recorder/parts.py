@@ -133,13 +133,16 @@ class RecordingSet:
             self._file.finish()
             self._begin_next()
 
-    def mend(self) -> None:
-        """Go on, after an ``OSError``, behind what was synced last."""
+    def mend(self) -> int:
+        """Go on, after an ``OSError``, behind what was synced last; return how many are gone."""
         if self._between and not self._file.part.exists():
             self._begin_next()
-        else:
-            self._between = False
-            self._file.mend()
+            return 0
+        self._between = False
+        gone = self._file.mend()
+        if gone:
+            self._digest, self._begun_ns = _Digest(), None
+        return gone
 
     def finish(self) -> None:
         """End the part, which is the last."""

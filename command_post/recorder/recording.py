@@ -13,13 +13,14 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 import structlog
 
 from command_post.recorder.backlog import End, Entry, Item, RecorderStatus, Resumed, WhenSafe
 from command_post.recorder.mirror import Mirror
 from command_post.recorder.parts import RecordingSet, Rotation
+from command_post.recorder.recorded import Incident, Outgoing, Record
 from shared.mcap_reader import BegunFrom
 from shared.recording_parts import where_part_is
 from shared.units import NS_PER_S
@@ -32,44 +33,6 @@ SYNC_PERIOD_NS = 1_000_000_000
 RETRY_S = 2.0
 
 _log = structlog.get_logger(__name__)
-
-
-class Outgoing(Protocol):
-    """What an incident has to say."""
-
-    @property
-    def key(self) -> str:
-        """The key it goes out under."""
-
-    @property
-    def payload(self) -> bytes:
-        """Its bytes."""
-
-
-class Incident(Protocol):
-    """What handles messages and makes others of them, by nothing but the calls it gets."""
-
-    def handle(self, key: str, payload: bytes, now_ns: int) -> Sequence[Outgoing]:
-        """Take one message in; return what has become due."""
-
-    def pass_time(self, now_ns: int) -> Sequence[Outgoing]:
-        """Return what has become due with nothing heard."""
-
-    def finish(self, now_ns: int) -> Sequence[Outgoing]:
-        """Return what is still held back."""
-
-
-class Record(Protocol):
-    """What messages are put into: a ``Recorder``, or a ``RecordingFile`` itself."""
-
-    def put(self, key: str, payload: bytes, log_time_ns: int, *, outgoing: bool = False) -> bool:
-        """Add a message that was received at ``log_time_ns``, or made then (``outgoing``).
-
-        Say whether it is taken.
-        """
-
-    def mark_end(self, now_ns: int) -> None:
-        """Say that the incident was finished at ``now_ns``: no more is received."""
 
 
 class RecordedIncident:
@@ -158,6 +121,9 @@ class Recorder:
         self._queued_bytes = 0
         self._taken = 0
         self._safe = 0
+        self.begun_anew = 0
+        """How often all that was safe was gone: somebody had cut the file, another was begun."""
+
         self.follow: Callable[[Sequence[Item], int], None] = lambda _items, _position: None
         """Told, on the recorder's thread, what is safe since, and how far the file is written."""
 
@@ -377,8 +343,11 @@ class Recorder:
 
     def _mend(self) -> None:
         """Go on with the file behind what is safe, with all that has waited since."""
-        self._file.mend()
+        gone = self._file.mend()
         self._dropped_told = self._file.dropped_before
+        with self._changed:
+            self._dropped += gone
+            self.begun_anew += gone > 0
         while self.status().queued:
             self._step()
             self._sync_if_due()

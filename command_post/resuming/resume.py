@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from command_post.recorder.recording import Incident as Handler
+from command_post.recorder.recorded import Incident as Handler
 from shared.mcap_reader import RecordedMessage
 
 

@@ -4,6 +4,8 @@ Each sender has a queue of its own, and they are emptied in turn. What room ther
 and in bytes, is shared by a rule that needs no list of senders: nobody may hold more than is left
 free ("Dynamic queue length thresholds for shared-memory packet switches", Choudhury and Hahne,
 1998). One that floods so gets half at most, two a third each, and there is room for who comes next.
+
+What is refilled is of then, and may be much: it waits behind all that is said now.
 """
 
 from __future__ import annotations
@@ -68,8 +70,9 @@ class FairInbox(Generic[T]):
 
     Ask ``wanted`` before it, ere the bytes are copied.
 
-    The order of one sender's messages is kept. What finds no room displaces the oldest of its own
-    sender: whoever has fallen behind should see what is going on now.
+    The order of one sender's messages is kept, apart from what is refilled. What finds no room
+    displaces the oldest of its own sender: whoever has fallen behind should see what is going on
+    now.
     """
 
     def __init__(
@@ -84,17 +87,20 @@ class FairInbox(Generic[T]):
         self._free_messages = max_messages
         self._free_bytes = max_bytes
         self._monotonic_s = monotonic_s
-        self._queues: dict[str, _Queue[T]] = {}
-        self._turns: deque[_Queue[T]] = deque()
-        """Those that are not empty, each once; the first is next."""
-
+        self._live = _Line[T]()
+        self._refilled = _Line[T]()
         self._slowed: dict[str, _Slowed] = {}
         self._lost: Counter[tuple[Lost, str]] = Counter()
         self._filled = threading.Condition()
-        self._count = 0
 
     def __len__(self) -> int:
-        return self._count
+        return self._live.count + self._refilled.count
+
+    def refilled_of(self, sender: str) -> int:
+        """Return how many messages of a sender wait that were refilled."""
+        with self._filled:
+            queue = self._refilled.queues.get(sender)
+            return 0 if queue is None else len(queue.messages)
 
     def lost(self) -> Counter[tuple[Lost, str]]:
         """Return how much did not get through, by reason and sender."""
@@ -104,25 +110,29 @@ class FairInbox(Generic[T]):
     def queued(self) -> dict[str, int]:
         """Return how many messages of each sender wait, of those that have any."""
         with self._filled:
-            return {queue.sender: len(queue.messages) for queue in self._turns}
+            waiting = Counter[str]()
+            for queue in (*self._live.turns, *self._refilled.turns):
+                waiting[queue.sender] += len(queue.messages)
+            return dict(waiting)
 
-    def put(self, message: T) -> None:
+    def put(self, message: T, *, refilled: bool = False) -> None:
         """Add ``message``, at the cost of its own sender if there is no room."""
         sender = sender_of(message.key)
         size = _size(message)
+        line = self._refilled if refilled else self._live
         with self._filled:
-            queue = self._queues.get(sender) or _Queue[T](sender)
+            queue = line.queues.get(sender) or _Queue[T](sender)
             while queue.messages and not self._has_room(queue, size):
-                self._release(queue)
+                self._release(line, queue)
                 self._lose("crowded_out", sender)
             if self._has_room(queue, size):
-                self._append(queue, message, size)
+                self._append(line, queue, message, size)
                 self._filled.notify()
                 return
             self._lose("crowded_out", sender)
-            if sender in self._queues:
-                del self._queues[sender]
-                self._turns.remove(queue)
+            if sender in line.queues:
+                del line.queues[sender]
+                line.turns.remove(queue)
 
     def wanted(self, key: str, length: int) -> bool:
         """Say whether a message of ``length`` bytes is to be put in; where not, it is counted.
@@ -156,44 +166,46 @@ class FairInbox(Generic[T]):
                 self._slowed[sender] = _Slowed(now_s)
 
     def get_some(self, most: int, timeout_s: float = 0.0) -> list[T]:
-        """Take out ``most`` messages or fewer, of each sender in turn.
+        """Take out ``most`` messages or fewer, of each sender in turn, and one that was refilled.
 
-        Waits ``timeout_s`` at most for the first.
+        So what is said now waits for no more than one of these, and these wait for nobody's flood
+        to end. Waits ``timeout_s`` at most for the first.
         """
         with self._filled:
-            self._filled.wait_for(lambda: self._turns, timeout_s)
-            return [self._next() for _ in range(min(most, self._count))]
+            self._filled.wait_for(lambda: len(self), timeout_s)
+            live = [self._next(self._live) for _ in range(min(most, self._live.count))]
+            return [*live, self._next(self._refilled)] if self._refilled.count else live
 
-    def _next(self) -> T:
-        queue = self._turns.popleft()
-        message = self._release(queue)
+    def _next(self, line: _Line[T]) -> T:
+        queue = line.turns.popleft()
+        message = self._release(line, queue)
         if queue.messages:
-            self._turns.append(queue)
+            line.turns.append(queue)
         else:
-            del self._queues[queue.sender]
+            del line.queues[queue.sender]
         return message
 
     def _has_room(self, queue: _Queue[T], size: int) -> bool:
         enough_bytes = queue.bytes + size <= self._free_bytes
         return enough_bytes and len(queue.messages) < self._free_messages
 
-    def _append(self, queue: _Queue[T], message: T, size: int) -> None:
-        if queue.sender not in self._queues:
-            self._queues[queue.sender] = queue
-            self._turns.append(queue)
+    def _append(self, line: _Line[T], queue: _Queue[T], message: T, size: int) -> None:
+        if queue.sender not in line.queues:
+            line.queues[queue.sender] = queue
+            line.turns.append(queue)
         queue.messages.append(message)
         queue.bytes += size
         self._free_bytes -= size
         self._free_messages -= 1
-        self._count += 1
+        line.count += 1
 
-    def _release(self, queue: _Queue[T]) -> T:
+    def _release(self, line: _Line[T], queue: _Queue[T]) -> T:
         message = queue.messages.popleft()
         size = _size(message)
         queue.bytes -= size
         self._free_bytes += size
         self._free_messages += 1
-        self._count -= 1
+        line.count -= 1
         return message
 
     def _may_pass(self, sender: str) -> bool:
@@ -220,6 +232,15 @@ class _Queue(Generic[T]):
         self.sender = sender
         self.messages: deque[T] = deque()
         self.bytes = 0
+
+
+class _Line(Generic[T]):
+    """Queues that are emptied in turn: those in ``turns``, each once, are not empty."""
+
+    def __init__(self) -> None:
+        self.queues: dict[str, _Queue[T]] = {}
+        self.turns: deque[_Queue[T]] = deque()
+        self.count = 0
 
 
 class _Slowed:

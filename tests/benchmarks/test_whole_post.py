@@ -28,7 +28,7 @@ from command_post.fusion.methods import prepare_fusion
 from command_post.fusion.time_line import TimeLineSettings
 from command_post.incident import Incident, IncidentSettings
 from command_post.recorder.file import RecordingFile
-from command_post.recorder.recording import Outgoing as MadeOutgoing
+from command_post.recorder.recorded import Outgoing as MadeOutgoing
 from command_post.recorder.recording import RecordedIncident
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.messages import OdometryIncrement, TrackEstimate

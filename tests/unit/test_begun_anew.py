@@ -14,7 +14,8 @@ import pytest
 from command_post.incident import Incident, IncidentSettings
 from command_post.post import Post
 from command_post.recorder.parts import RecordingSet
-from command_post.recorder.recording import Outgoing, RecordedIncident, Recorder
+from command_post.recorder.recorded import Outgoing
+from command_post.recorder.recording import RecordedIncident, Recorder
 from command_post.resuming.gist import Gist
 from command_post.resuming.last_told import LastTold
 from command_post.resuming.taking_up import TakingUp

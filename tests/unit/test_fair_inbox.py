@@ -72,6 +72,44 @@ def test_all_are_heard_in_turn_each_in_their_own_order() -> None:
     assert len(inbox) == 0
 
 
+def test_what_is_said_now_waits_for_one_at_most_that_was_refilled() -> None:
+    inbox, now_s, waited_s = FairInbox[Received](1000, ROOMY), 0.0, []
+    due_s = 0.0
+    for number in range(271):
+        inbox.put(message("r1", 1000 + number), refilled=True)
+    assert inbox.refilled_of("responder/r1") == 271
+    refilled: list[int] = []
+    while len(inbox) or due_s < 60.0:
+        while due_s <= min(now_s, 60.0):
+            for sender in ("r1", "r2"):
+                inbox.put(message(sender, round(due_s * 10)))
+            due_s += 0.5
+        for one in inbox.get_some(256):
+            if (number := int(one.payload)) >= 1000:
+                refilled.append(number)
+                now_s += 0.2  # so long it takes to be fused where it belongs
+            else:
+                waited_s.append(now_s - number / 10)
+        now_s += 0.001
+    assert refilled == list(range(1000, 1271)), "all, once, in their order"
+    assert len(waited_s) == 2 * 120
+    assert max(waited_s) < 0.25
+
+
+def test_who_floods_does_not_keep_out_what_was_refilled() -> None:
+    inbox = FairInbox[Received](1000, ROOMY)
+    for number in range(5):
+        inbox.put(message("r1", number), refilled=True)
+    heard: list[Received] = []
+    for _ in range(5):
+        for number in range(100):
+            inbox.put(message("loud", number))
+        heard += taken(inbox, 50)
+    assert [int(one.payload) for one in heard if "r1" in one.key] == list(range(5))
+    assert inbox.refilled_of("responder/r1") == 0
+    assert inbox.queued() == {"responder/loud": 250}
+
+
 def test_who_floods_displaces_themselves_alone() -> None:
     inbox = FairInbox[Received](100, ROOMY)
     inbox.put(message("r1", 0))
@@ -100,24 +138,30 @@ def test_bytes_are_bounded_as_well() -> None:
 
 
 @given(
-    st.lists(st.tuples(st.sampled_from("abcdef"), st.integers(0, 5000)), max_size=300),
+    st.lists(
+        st.tuples(st.sampled_from("abcdef"), st.integers(0, 5000), st.booleans()), max_size=300
+    ),
     st.integers(2, 50),
     st.integers(2, 40_000),
 )
 def test_the_bounds_hold_and_every_message_is_heard_or_counted(
-    sent: list[tuple[str, int]], max_messages: int, max_bytes: int
+    sent: list[tuple[str, int, bool]], max_messages: int, max_bytes: int
 ) -> None:
     inbox = FairInbox[Received](max_messages, max_bytes)
-    for number, (sender, size) in enumerate(sent):
-        inbox.put(message(sender, number, size))
+    for number, (sender, size, refilled) in enumerate(sent):
+        inbox.put(message(sender, number, size), refilled=refilled)
     assert len(inbox) <= max_messages
     assert sum(inbox.queued().values()) == len(inbox)
-    heard = taken(inbox)
+    heard: list[Received] = []
+    while len(inbox):
+        heard += taken(inbox)
     assert sum(len(one.key) + len(one.payload) + OVERHEAD_BYTES for one in heard) <= max_bytes
     assert len(heard) + sum(inbox.lost().values()) == len(sent)
     for sender in "abcdef":
         own = [int(one.payload.rstrip(b"\0")) for one in heard if f"/{sender}/" in one.key]
-        assert all(one < other for one, other in pairwise(own))
+        for refilled in (False, True):
+            of_line = [number for number in own if sent[number][2] == refilled]
+            assert all(one < other for one, other in pairwise(of_line))
 
 
 def test_who_is_slowed_down_gets_little_through_until_it_is_over() -> None:

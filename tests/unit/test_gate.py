@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from msgspec import structs
+
 from shared.codec import encode
-from shared.gate import Gate, JournalRun, Turned, numbering
-from shared.messages import Beat, Message, NodeHealth
+from shared.gate import MOST_RUNS_OF_A_NODE, Gate, JournalRun, Turned, numbering
+from shared.gate_notes import noted, recalled
+from shared.messages import Beat, NodeHealth
 from shared.received_numbers import Hole
 from shared.seal import Seal, sealed
 from shared.sender import Unkept
 from shared.topics import TOPICS, Key
+from shared.units import NS_PER_S
 from tests.traffic import increment
 
 RUN, LATER_RUN = b"first run"[:8], b"laterrun"
@@ -21,11 +25,12 @@ def stride_of(number: int) -> bytes:
     return encode(increment(number))
 
 
-def health() -> bytes:
-    return encode(NodeHealth(event_time_ns=1, sequence=0, level="ok", findings=()))
+def health(said_s: int = 1) -> bytes:
+    said_ns = said_s * NS_PER_S
+    return encode(NodeHealth(event_time_ns=said_ns, sequence=0, level="ok", findings=()))
 
 
-def beat(last: int, kept_from: int = 1) -> Message:
+def beat(last: int, kept_from: int = 1) -> Beat:
     return Beat(
         event_time_ns=1,
         sequence=0,
@@ -73,6 +78,56 @@ def test_of_two_by_one_name_who_stays_is_heard_and_nothing_again() -> None:
     said = [(RUN, 1), (LATER_RUN, 1), (RUN, 2), (LATER_RUN, 1), (RUN, 1), (RUN, 2), (RUN, 3)]
     came = [gate.admit(HEALTH, sealed(health(), run, number)) for run, number in said]
     assert came == [None, None, None, "repeated", "replayed", "repeated", None]
+
+
+def admitted(gate: Gate, *said: tuple[bytes, int, int]) -> list[Turned | None]:
+    """Return what a gate makes of what one unit says: run, number, and when that was said, s."""
+    return [gate.admit(HEALTH, sealed(health(at_s), run, number)) for run, number, at_s in said]
+
+
+def test_what_was_kept_of_a_process_cannot_be_said_once_another_speaks_in_its_place() -> None:
+    gate = Gate()
+    # A relay hands on two, keeps the rest, and the unit is started anew elsewhere.
+    assert admitted(gate, (RUN, 1, 1), (RUN, 2, 2), (LATER_RUN, 1, 100)) == [None, None, None]
+    kept = [(RUN, number, number) for number in range(3, 90)]
+    assert set(admitted(gate, *kept)) == {"replayed"}
+    known = Gate()
+    known.remember(recalled(noted(gate.remembered())))
+    assert set(admitted(known, *kept)) == {"replayed"}
+    assert admitted(known, (LATER_RUN, 2, 101), (RUN, 95, 95)) == [None, None], "two in turns"
+
+
+def test_who_stays_of_two_is_heard_though_their_clock_is_behind() -> None:
+    gate, behind_s = Gate(), 60
+    assert admitted(gate, (RUN, 1, 0), (LATER_RUN, 1, behind_s)) == [None, None]
+    stays = [(RUN, number, number) for number in range(2, 100)]
+    came = admitted(gate, *stays)
+    assert came.index(None) == came.count("replayed") <= behind_s
+    assert set(came[came.index(None) :]) == {None}
+
+
+def test_a_process_may_begin_with_its_clock_set_back() -> None:
+    gate = Gate()
+    anew = [(LATER_RUN, 1, 3), (LATER_RUN, 2, 4)]
+    assert admitted(gate, (RUN, 1, 5000), *anew) == [None, None, None]
+
+
+def test_an_order_is_remembered_when_many_were_given_since() -> None:
+    gate = Gate()
+    processes = [(b"%08d" % number, 1, number) for number in range(300)]
+    assert set(admitted(gate, *processes)) == {None}
+    assert set(admitted(gate, *processes)) == {"repeated"}
+
+
+def test_who_makes_up_journals_takes_nobody_elses_room() -> None:
+    gate, outbox = Gate(), Unkept(run=LATER_RUN)
+    for number in range(2 * MOST_RUNS_OF_A_NODE):
+        made_up = structs.replace(beat(9), run=f"{number:016x}")
+        gate.admit(BEAT, outbox.seal(TOPICS["beat"], BEAT, encode(made_up)))
+    assert len(list(gate.journals())) == MOST_RUNS_OF_A_NODE
+    assert gate.admit(INCREMENT, sealed(stride_of(0), RUN, 1)) == "too_many_runs"
+    another = INCREMENT.replace("r1", "r2")
+    assert gate.admit(another, sealed(stride_of(0), RUN, 1)) is None
 
 
 class _Knows:

@@ -27,6 +27,17 @@ with stop_on_signals() as stop:
 raise SystemExit(ExitCode.OK)
 """
 
+OUTLIVING = """
+import signal
+from shared.process import stop_on_signals
+signal.signal(signal.SIGHUP, signal.SIG_IGN)
+with stop_on_signals() as stop:
+    heeds_it = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    print("not it" if heeds_it else "ready", flush=True)
+    stop.wait()
+    print("closed", flush=True)
+"""
+
 STUBBORN = """
 import threading
 from shared.process import stop_on_signals
@@ -91,12 +102,19 @@ def running(program: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_lets_the_program_close(number: signal.Signals) -> None:
     with running(OBEDIENT) as process:
         process.send_signal(number)
         output, _ = process.communicate(timeout=DEADLINE_S)
     assert (output, process.returncode) == ("closed\n", ExitCode.OK)
+
+
+def test_a_program_that_is_to_outlive_its_terminal_does() -> None:
+    with running(OUTLIVING) as process:
+        process.terminate()
+        output, _ = process.communicate(timeout=DEADLINE_S)
+    assert output == "closed\n"
 
 
 def test_a_second_signal_ends_a_program_that_does_not_close() -> None:

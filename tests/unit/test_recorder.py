@@ -221,6 +221,39 @@ def test_a_recording_that_is_removed_while_in_use_is_written_anew(
     assert recording.report.complete
 
 
+def _cut(part: Path, left_bytes: int) -> None:
+    os.truncate(part, left_bytes)
+
+
+def _overwrite(part: Path, from_bytes: int) -> None:
+    with part.open("r+b") as file:
+        file.seek(from_bytes)
+        file.write(bytes(part.stat().st_size - from_bytes))
+
+
+@pytest.mark.parametrize("harm", [_cut, _overwrite])
+@pytest.mark.parametrize("at_bytes", [0, 600])
+def test_a_recording_that_somebody_cuts_is_begun_anew_and_says_what_is_gone(
+    tmp_path: Path, harm: Callable[[Path, int], None], at_bytes: int
+) -> None:
+    sent = list(traffic(30))
+    part = tmp_path / "a.mcap.part"
+    recorder = Recorder(tmp_path / "a.mcap", {"of": "it"}, retry_s=0.01, monotonic_ns=hurried())
+    for number, (time_ns, key, payload) in enumerate(sent):
+        if number == 20:
+            wait_until(partial(_is_safe, recorder, number))
+            harm(part, at_bytes)
+        recorder.put(key, payload, time_ns)
+    wait_until(lambda: recorder.safe == len(sent))
+    assert recorder.begun_anew == 1
+    assert recorder.close().fault is None
+    recording = read_recording(tmp_path / "a.mcap")
+    assert [(m.log_time_ns, m.key, m.payload) for m in recording] == sent[20:]
+    assert recording.report.dropped_count == 20
+    assert recording.metadata["of"] == "it"
+    assert (tmp_path / "a.mcap.part.cut").exists()
+
+
 def test_what_found_no_room_while_the_disk_failed_is_counted_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,7 +13,8 @@ from mcap.reader import make_reader
 from mcap.summary import Summary
 
 from command_post.recorder import file as recording_file
-from command_post.recorder.file import EXCERPTS, RecorderError, RecordingFile, json_schema
+from command_post.recorder.file import EXCERPTS, RecorderError, RecordingFile
+from command_post.recorder.schemas import json_schema
 from shared.codec import Refusal, decode, encode, parse_key
 from shared.mcap_reader import RecordedMessage, read_recording
 from shared.topics import TOPICS

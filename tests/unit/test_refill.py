@@ -280,3 +280,24 @@ def test_those_complete_are_forgotten() -> None:
     assert len(plan.behind) == 2
     plan.next([missing("r2", 1, 9)], 1.0)
     assert [journal.node_id for journal in plan.behind] == ["r2"]
+
+
+def test_what_has_come_and_waits_its_turn_is_not_asked_for_again() -> None:
+    plan, now_s, seen = RefillPlan(), 0.0, False
+    asked: list[int] = []
+    for _ in range(200):
+        lacks = missing("r1", 1, 50)
+        behind = plan.behind.get(lacks.journal, 0)
+        # The gate has let in none of it yet: it lacks what is beyond, or else all.
+        hole = Hole(behind + 1, 50) if behind < 50 else Hole(1, 50)
+        ask = plan.next([lacks._replace(hole=hole)], now_s, lambda _: seen)
+        if ask is not None:
+            asked += range(ask.hole.first, ask.hole.last + 1)
+            plan.replied(ask, ask.hole.last, ask.rows, 0.01)
+        now_s += 0.05
+    assert asked == list(range(1, 51))
+    seen = True
+    plan.next([missing("r1", 40, 50)], now_s, lambda _: seen)
+    ask = plan.next([missing("r1", 40, 50)], now_s + LONGEST_WAIT_S, lambda _: seen)
+    assert ask is not None
+    assert ask.hole.first == 40

@@ -10,7 +10,6 @@ from shared.received_numbers import Hole
 from shared.seal import sealed
 from tests.traffic import increment, key_of
 
-KEY = key_of("responder", "r1", "increment")
 RUN = b"\x07" * 8
 JOURNAL = JournalRun("responder", "r1", RUN)
 
@@ -19,7 +18,7 @@ class FakeDisk:
     """Takes what it is given, and has it safe when it is told so."""
 
     def __init__(self) -> None:
-        self.taken = self.safe = 0
+        self.taken = self.safe = self.begun_anew = 0
         self.has_room = True
 
 
@@ -31,15 +30,18 @@ class World:
         self.keeping = Safekeeping(self.gate, self.disk)
         self.now_s = 1000.0
 
-    def hear(self, *numbers: int, run: bytes = RUN, taken: bool = True) -> None:
+    def hear(
+        self, *numbers: int, node_id: str = "r1", run: bytes = RUN, taken: bool = True
+    ) -> None:
         """Let in messages of these numbers, which the disk takes or drops."""
+        key = key_of("responder", node_id, "increment")
         for number in numbers:
             payload = sealed(encode(increment(number)), run, number)
-            assert self.gate.admit(KEY, payload) is None
+            assert self.gate.admit(key, payload) is None
             if taken:
                 self.disk.taken += 1
             else:
-                self.keeping.lose(KEY, payload)
+                self.keeping.lose(key, payload)
 
     def told(self, looks: int = 1) -> list[int]:
         """Return the numbers told in so many seconds."""
@@ -102,7 +104,7 @@ def test_who_comes_late_hears_it_again_within_half_a_minute() -> None:
 def test_every_journal_is_told_of_in_receipts_that_are_small_enough() -> None:
     world = World()
     for number in range(600):
-        world.hear(1, run=number.to_bytes(8, "big"))
+        world.hear(1, node_id=f"r{number % 3 + 1}", run=number.to_bytes(8, "big"))
     world.told()
     world.sync()
     world.now_s += 3.0
@@ -110,6 +112,22 @@ def test_every_journal_is_told_of_in_receipts_that_are_small_enough() -> None:
     assert [len(receipt.safe) for receipt in receipts] == [256, 256, 88]
     assert [receipt.sequence for receipt in receipts] == [0, 1, 2]
     assert receipts[0].safe[0] == SafeUpTo(role="responder", node_id="r1", run="00" * 8, number=1)
+
+
+def test_what_was_safe_comes_again_when_somebody_has_cut_the_file() -> None:
+    world = World()
+    world.hear(1, 2, 3)
+    world.hear(5, node_id="r2")
+    world.told()
+    world.sync()
+    assert sorted(world.told(5)) == [3]
+    world.disk.begun_anew += 1
+    world.told()
+    missing = {each.journal.node_id: each.hole for each in world.gate.missing()}
+    assert missing == {"r1": Hole(1, 3), "r2": Hole(1, 5)}
+    world.hear(1, 2, 3)
+    world.sync()
+    assert set(world.told(40)) == {3}
 
 
 def test_what_the_disk_had_to_drop_is_never_told_and_comes_again() -> None:

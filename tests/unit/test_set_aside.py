@@ -21,7 +21,7 @@ from command_post.going_on import GoingOn, Guests
 from command_post.incident import Incident, IncidentSettings
 from command_post.nodes.senders import Senders
 from command_post.recorder.parts import RecordingSet
-from command_post.recorder.recording import Outgoing as Made
+from command_post.recorder.recorded import Outgoing as Made
 from command_post.recorder.recording import RecordedIncident
 from command_post.replay import replay
 from command_post.roster import Roster

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from copy import deepcopy
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
+from command_post.fusion.team import front
+from command_post.fusion.team.front import told_by_cloud
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.team_tracker import TeamTracker
 from command_post.fusion.track import Estimate
@@ -175,6 +178,34 @@ def test_who_knows_no_heading_is_on_a_ring_until_a_dap_tells() -> None:
     assert (found.north_m, found.east_m) == pytest.approx((0.0, 30.0), abs=1.5)
     assert found.status == "tracking"
     assert found.regions_m == ()
+
+
+def test_what_comes_late_of_who_knows_no_heading_is_not_drawn_anew_each(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn = []
+
+    def told(*given: Any) -> Estimate:
+        drawn.append(told_by_cloud(*given))
+        return drawn[-1]
+
+    monkeypatch.setattr(front, "told_by_cloud", told)
+    tracker = TeamTracker(TeamSettings())
+    tracker.start("r1", track_start(0.0, math.pi / math.sqrt(3.0)))
+    missed = range(10, 50)
+    for number in (each for each in range(80) if each not in missed):
+        tracker.move("r1", stride(1.0 + number, 1.0, 0.0, sequence=number))
+    live = len(drawn)
+    assert live >= 40
+    estimate = tracker.estimates["r1"]
+    for number in missed:
+        tracker.move("r1", stride(1.0 + number, 1.0, 0.0, sequence=number))
+        assert tracker.estimates["r1"] == estimate
+    assert len(drawn) - live <= 1
+    # The next tick has them, and where they lead is drawn.
+    tracker.move("r1", stride(90.0, 1.0, 0.0, sequence=80))
+    assert len(drawn) - live > 1
+    assert tracker.estimates["r1"] == drawn[-1] != estimate
 
 
 def test_a_commanders_word_pulls_a_track() -> None:

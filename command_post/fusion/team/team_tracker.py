@@ -31,7 +31,7 @@ from command_post.fusion.team.estimates import (
     pose_of,
 )
 from command_post.fusion.team.forgetting import forget
-from command_post.fusion.team.front import cloud_before, told_by_cloud
+from command_post.fusion.team.front import Fronts, cloud_before
 from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
@@ -79,6 +79,7 @@ class TeamTracker:
         self._poses: dict[str, Pose] = {}
         self._kept_ns: dict[str, int] = {}
         self._clouds: dict[str, Cloud] = {}
+        self._fronts = Fronts()
         self._storeys_m = np.empty(0)
         self._storeys_of: dict[str, Floats] = {}
         self._estimates: dict[str, Estimate] = {}
@@ -394,4 +395,4 @@ class TeamTracker:
             return estimate
         since = log.moves.messages_after(pose.time_ns)
         heading_rad = log.moves.last_heading_rad
-        return told_by_cloud(estimate, cloud, since, heading_rad, responder_id, self._settings)
+        return self._fronts.told(estimate, cloud, since, heading_rad, responder_id, self._settings)
