@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dap_node.scanners.observation import Observation, PutElsewhere, Scan, SetDown
 from shared.messages import LocalPosition, NodeId, Vector3
+from shared.simulation.faults import swap_of
 from shared.simulation.installation import installation_truth, is_set_down, places_of
 from shared.simulation.radio import simulate_scans
 from shared.simulation.scenario import Scenario
@@ -38,6 +39,7 @@ class SimulatedScanner:
         self._moved = places_of(scenario, dap_id, seed)[1:] if self._installed else []
         self._is_surveyed = scenario.daps[dap_id].position_m is not None
         self._scans = simulate_scans(scenario, dap_id, seed)
+        self._faults = scenario.faults
         self._period_s = 1.0 / scenario.radio.scan_rate_hz
 
     def observations(self, start_ns: int) -> Iterator[Observation]:
@@ -48,6 +50,10 @@ class SimulatedScanner:
         if self._installed is None:
             return
         installed_s, place_m, installer_id = self._installed
+        swap = None if installer_id is None else swap_of(self._faults, installer_id)
+        if swap is not None and installed_s >= swap.since_s:
+            # Who set it down is who is heard.
+            installer_id = swap.other_id
         truth_m = _vector(place_m)
 
         def at(time_s: float) -> int:

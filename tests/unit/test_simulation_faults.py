@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from dap_node.commands.rehearse import rehearse_dap
-from dap_node.scanners.observation import PutElsewhere
+from dap_node.scanners.observation import PutElsewhere, SetDown
 from dap_node.scanners.simulated import SimulatedScanner
 from shared.bus.wire_log import read_wire_log
 from shared.codec import decode, parse_key
@@ -24,7 +24,7 @@ from shared.topics import Key
 from shared.units import NS_PER_S
 
 SEED = 3
-SINCE_S = 15.0
+SINCE_S = 10.0
 ELSEWHERE_M = (0.5, 14.0, 0.0)
 
 
@@ -76,6 +76,10 @@ def test_two_responders_radios_go_by_each_others_names(exercise: Scenario) -> No
     assert same(right, "r1", wrong, "r1", ~since)
     assert same(right, "r1", wrong, "r2", since)
     assert same(right, "r2", wrong, "r1", since)
+    for scenario, installer_id in ((exercise, "r1"), (swapped, "r2")):
+        first = next(SimulatedScanner(scenario, "dap2", SEED).observations(0))
+        assert isinstance(first, SetDown)
+        assert first.installer_id == installer_id
     met, still_met = (simulate_meetings(each, "r1", SEED) for each in (exercise, swapped))
     assert np.array_equal(met.rssi_dbm["r2"], still_met.rssi_dbm["r2"], equal_nan=True)
 
