@@ -14,7 +14,7 @@ import structlog
 from dap_node.installation import Installation, Stage, Standing
 from dap_node.neighbours import Neighbour, NeighbourWatch
 from dap_node.proximity import Proximity, ProximityDetector
-from dap_node.scanners.observation import Motion, Observation, Scan, SetDown
+from dap_node.scanners.observation import Motion, Observation, PutElsewhere, Scan, SetDown
 from dap_node.self_installation import AtRest, PutDown, SelfInstallation, TakenUp
 from dap_node.settings import DapSettings
 from shared.bus.inbox import Inbox
@@ -153,6 +153,8 @@ class DapNode:
             case RadioScan():
                 self._hear(observation.time_ns, self._hearing.sort_out(observation))
                 self._tell_of_strangers()
+            case PutElsewhere(time_ns, truth_m):
+                self._truth_m, self._truth_due_ns = truth_m, time_ns
             case Motion() if self._watch is not None:
                 for time_ns, force_m_s2 in observation.samples:
                     self._watch.feel(time_ns, force_m_s2)

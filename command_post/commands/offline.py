@@ -13,7 +13,7 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import Progress
 
-from command_post.evaluation.pooled import PooledScore, latency, pool
+from command_post.evaluation.pooled import PooledScore, latency, pool, told_of
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.walls import Wall
@@ -26,7 +26,7 @@ from command_post.rehearsing.monte_carlo import Exercise, Run, run_many, run_one
 from command_post.rehearsing.rehearsal import Agents, RehearsalError
 from command_post.rehearsing.rehearsal import rehearse as rehearse_scenario
 from command_post.rehearsing.score_table import pooled_table
-from shared.config import checked
+from shared.config import ConfigError, checked
 from shared.exercise import REHEARSAL_INCIDENT
 from shared.files import replace_atomically
 from shared.process import ExitCode
@@ -146,7 +146,7 @@ def montecarlo(
             method=fusion, team=TeamSettings(axis=axis), seed=seed, particles=particles
         )
         settings = with_plan(told, plan)
-        exercises = {Path(name).stem: _exercise(name, settings, agents) for name in scenario}
+        exercises = _exercises(scenario, settings, agents)
         done = _run_all(exercises, runs, seed, workers, dask)
         if picture is not None:
             drawn = [_sample(name, exercises[name], done[name], seed) for name in done]
@@ -185,10 +185,16 @@ def plan(scenario: str, *, output: Path) -> int:
     return ExitCode.OK
 
 
-def _exercise(scenario: str, fusion: FusionSettings, agents: Agents) -> Exercise:
-    """Return what is to be run, once it is sure that the scenario can be used."""
-    load_scenario(scenario)
-    return Exercise(scenario, _settings(fusion), agents)
+def _exercises(scenarios: list[str], fusion: FusionSettings, agents: Agents) -> dict[str, Exercise]:
+    """Return what is to be run by its name, once it is sure that all scenarios can be used."""
+    exercises: dict[str, Exercise] = {}
+    for scenario in scenarios:
+        load_scenario(scenario)
+        name = Path(scenario).stem
+        if name in exercises:
+            raise ConfigError(f"{scenario}: another scenario is called {name!r}; give it a name")
+        exercises[name] = Exercise(scenario, _settings(fusion), agents)
+    return exercises
 
 
 def _settings(fusion: FusionSettings) -> IncidentSettings:
@@ -224,7 +230,11 @@ def _card(done: dict[str, list[Run]]) -> PooledScore:
     }
     return PooledScore(
         scenarios={
-            name: msgspec.structs.replace(told, latency_ms=latency(handled_ms[name]))
+            name: msgspec.structs.replace(
+                told,
+                latency_ms=latency(handled_ms[name]),
+                told=told_of([run.told_s for run in done[name]]),
+            )
             for name, told in card.scenarios.items()
         }
     )

@@ -89,10 +89,18 @@ class Latency(msgspec.Struct, frozen=True):
     p99: float
 
 
+class Told(msgspec.Struct, frozen=True):
+    """In how many runs something was told of a node, and when first (s), in the median of these."""
+
+    runs: int
+    first_s: float
+
+
 class ScenarioScore(msgspec.Struct, frozen=True, kw_only=True):
     """All runs of one scenario, their errors thrown together.
 
-    ``daps_a_run`` is how many DAPs somebody set down, on average.
+    ``daps_a_run`` is how many DAPs somebody set down, on average. ``told`` is what was told of
+    nodes, by their id and what it was: what the fusion doubts of them, clocks, what was refused.
     ``after`` is ``None`` where the way of fusing has no such. ``latency_ms`` is measured on the
     machine that ran it, and the one thing here that no seed repeats.
     """
@@ -103,6 +111,7 @@ class ScenarioScore(msgspec.Struct, frozen=True, kw_only=True):
     pdr: PooledMethod
     latency_ms: Latency | None = None
     daps_a_run: float = 0.0
+    told: dict[str, dict[str, Told]] = {}
 
 
 class PooledScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -122,6 +131,18 @@ def latency(handled_ms: Floats) -> Latency | None:
         return None
     p50, p99 = np.percentile(handled_ms, (50.0, 99.0))
     return Latency(float(p50), float(p99))
+
+
+def told_of(runs: Sequence[Mapping[tuple[str, str], float]]) -> dict[str, dict[str, Told]]:
+    """Return what was told of each node, from when (s) each run first told what of whom."""
+    first_s: dict[tuple[str, str], list[float]] = {}
+    for run in runs:
+        for (what, node_id), time_s in run.items():
+            first_s.setdefault((node_id, what), []).append(time_s)
+    told: dict[str, dict[str, Told]] = {}
+    for (node_id, what), times_s in sorted(first_s.items()):
+        told.setdefault(node_id, {})[what] = Told(len(times_s), float(np.median(times_s)))
+    return told
 
 
 def _scenario_score(runs: Sequence[RunErrors]) -> ScenarioScore:

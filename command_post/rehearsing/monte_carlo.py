@@ -45,10 +45,14 @@ class Exercise(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What one rehearsal came to: its errors, and how long each message took to handle (ms)."""
+    """What one rehearsal came to: its errors, and how long each message took to handle (ms).
+
+    ``told_s`` as in ``Fused``.
+    """
 
     errors: RunErrors
     handled_ms: Floats
+    told_s: dict[tuple[str, str], float]
 
 
 def run_many(
@@ -80,7 +84,7 @@ def run_chunk(exercise: Exercise, seeds: range) -> list[Run]:
     told = []
     for fused in _fused(exercise, seeds):
         errors = measure(fused.evidence, floors_down_m)
-        told.append(Run(errors, np.array(fused.handled_ms)))
+        told.append(Run(errors, np.array(fused.handled_ms), fused.told_s))
     return told
 
 

@@ -21,6 +21,7 @@ from command_post.recorder.file import RecordingFile
 from command_post.recorder.recording import RecordedIncident
 from shared.bus.wire_log import WireFrame, read_wire_log
 from shared.simulation.odometry_errors import OdometrySource
+from shared.units import NS_PER_S
 
 STOP_GRACE_S = 1.0
 """What a node's program in rehearsal was about to write is of no use to anybody."""
@@ -31,10 +32,15 @@ class RehearsalError(RuntimeError):
 
 
 class Fused(NamedTuple):
-    """What came of one seed, and how long each of its messages took to handle (ms)."""
+    """What came of one seed, and how long each of its messages took to handle (ms).
+
+    ``told_s`` has when something was first told of a node, by what and of whom, since the first
+    message.
+    """
 
     evidence: Evidence
     handled_ms: list[float]
+    told_s: dict[tuple[str, str], float]
 
 
 class Agents(NamedTuple):
@@ -114,18 +120,22 @@ def fuse_logs(directory: Path, settings: IncidentSettings) -> Fused:
     incident = Incident(settings)
     evidence = Evidence()
     handled_ms = []
-    now_ns = 0
+    told_s: dict[tuple[str, str], float] = {}
+    first_ns, now_ns = None, 0
     for now_ns, key, payload in merged_wire_logs(directory):
+        first_ns = now_ns if first_ns is None else first_ns
         evidence.add_wire(key, payload)
         begun_s = time.perf_counter()
         told = incident.handle(key, payload, now_ns)
         handled_ms.append(1e3 * (time.perf_counter() - begun_s))
         for outgoing in told:
             evidence.add_wire(outgoing.key, outgoing.payload)
+        for notice in incident.take_notices():
+            told_s.setdefault((notice.reason, notice.node_id), (now_ns - first_ns) / NS_PER_S)
     for outgoing in incident.finish(now_ns):
         evidence.add_wire(outgoing.key, outgoing.payload)
     add_afterwards(evidence, incident)
-    return Fused(evidence, handled_ms)
+    return Fused(evidence, handled_ms, told_s)
 
 
 def add_afterwards(evidence: Evidence, incident: Incident) -> None:

@@ -56,6 +56,9 @@ def pooled_table(name: str, score: ScenarioScore) -> Table:
     add("truth inside the 95 % region", lambda way: _percent(way.coverage95_pct))
     add("told to be on a wrong floor", lambda way: _percent(way.wrong_floor_pct))
     add("height, 50 % / 95 %", lambda way: _height(way.vertical))
+    for node_id, told in score.told.items():
+        for what, each in told.items():
+            table.add_row(f"{node_id}: {what}", "", f"{each.runs} runs, after {each.first_s:.0f} s")
     return table
 
 

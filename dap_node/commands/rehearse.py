@@ -17,7 +17,9 @@ from shared.clock import ManualClock
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, seeds_in
 from shared.messages import NodeId
 from shared.process import ExitCode, end_with_parent, quieten_logging
+from shared.simulation.faults import NONE
 from shared.simulation.scenario import Scenario, load_scenario
+from shared.units import NS_PER_S
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -79,10 +81,11 @@ def rehearse_dap(
     """
     folder.mkdir(parents=True, exist_ok=True)
     clock = ManualClock()
+    ahead_ns = round(scenario.faults.get(dap_id, NONE).clock_ahead_s * NS_PER_S)
     with WireLogBus(folder / f"{dap_id}.wire", clock) as bus:
         node = DapNode(bus, REHEARSAL_INCIDENT, dap_id, sends_rssi=sends_rssi)
         for observation in SimulatedScanner(scenario, dap_id, seed).observations(
             REHEARSAL_START_NS
         ):
             clock.set_ns(observation.time_ns)
-            node.take(observation)
+            node.take(observation._replace(time_ns=observation.time_ns + ahead_ns))

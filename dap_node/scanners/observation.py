@@ -39,4 +39,11 @@ class SetDown(NamedTuple):
     truth_m: Vector3 | None = None
 
 
-Observation: TypeAlias = Scan | RadioScan | Motion | SetDown
+class PutElsewhere(NamedTuple):
+    """Somebody put the DAP at ``truth_m`` (NED) and told nobody: only a simulation knows."""
+
+    time_ns: int
+    truth_m: Vector3
+
+
+Observation: TypeAlias = Scan | RadioScan | Motion | SetDown | PutElsewhere

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import heapq
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dap_node.scanners.observation import Observation, Scan, SetDown
+from dap_node.scanners.observation import Observation, PutElsewhere, Scan, SetDown
 from shared.messages import LocalPosition, NodeId, Vector3
-from shared.simulation.installation import installation_truth, is_set_down
+from shared.simulation.faults import swap_of
+from shared.simulation.installation import installation_truth, is_set_down, places_of
 from shared.simulation.radio import simulate_scans
 from shared.simulation.scenario import Scenario
 from shared.units import NS_PER_S
@@ -33,8 +36,10 @@ class SimulatedScanner:
             if is_set_down(scenario, dap_id, seed)
             else None
         )
+        self._moved = places_of(scenario, dap_id, seed)[1:] if self._installed else []
         self._is_surveyed = scenario.daps[dap_id].position_m is not None
         self._scans = simulate_scans(scenario, dap_id, seed)
+        self._faults = scenario.faults
         self._period_s = 1.0 / scenario.radio.scan_rate_hz
 
     def observations(self, start_ns: int) -> Iterator[Observation]:
@@ -45,12 +50,21 @@ class SimulatedScanner:
         if self._installed is None:
             return
         installed_s, place_m, installer_id = self._installed
-        truth_m = (float(place_m[0]), float(place_m[1]), float(place_m[2]))
+        swap = None if installer_id is None else swap_of(self._faults, installer_id)
+        if swap is not None and installed_s >= swap.since_s:
+            # Who set it down is who is heard.
+            installer_id = swap.other_id
+        truth_m = _vector(place_m)
 
         def at(time_s: float) -> int:
             return start_ns + round(time_s * NS_PER_S)
 
         yield SetDown(at(installed_s), installer_id, self._position(truth_m), truth_m)
+        moved = [PutElsewhere(at(each.since_s), _vector(each.place_m)) for each in self._moved]
+        all_of_it: list[Iterable[Observation]] = [moved, self._all_scans(at, installed_s)]
+        yield from heapq.merge(*all_of_it, key=lambda each: each.time_ns)
+
+    def _all_scans(self, at: Callable[[float], int], installed_s: float) -> Iterator[Scan]:
         for index, time_s in enumerate(self._scans.time_s):
             heard = {
                 responder_id: float(rssi_dbm[index])
@@ -73,3 +87,8 @@ class SimulatedScanner:
             down_m=down_m,
             covariance_m2=(variance_m2, 0.0, variance_m2),
         )
+
+
+def _vector(place_m: NDArray[np.float64]) -> Vector3:
+    north_m, east_m, down_m = place_m.tolist()
+    return north_m, east_m, down_m

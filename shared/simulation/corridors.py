@@ -52,6 +52,7 @@ class Corridors:
             (way.floor, np.array(start), np.array(end))
             for way in plan.ways
             for start, end in pairwise(way.through_m)
+            if start != end
         ]
         self.entrances = list(self._find_entrances())
         self._next: defaultdict[Place, dict[Place, str | None]] = defaultdict(dict)

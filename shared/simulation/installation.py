@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.messages import NodeId
 from shared.simulation.chance import generator
+from shared.simulation.faults import NONE, swap_of
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 
@@ -44,3 +47,31 @@ def installation_truth(
     toward_rad = heading_rad[0] + side_rad
     reach_m = REACH_M * np.array([np.cos(toward_rad), np.sin(toward_rad), 0.0])
     return time_s, position_m[0] + reach_m, installer_id
+
+
+class Stood(NamedTuple):
+    """Which box goes by a DAP's name since when (s), and where it stands ((3,) NED)."""
+
+    since_s: float
+    box_id: NodeId
+    place_m: NDArray[np.float64]
+
+
+def places_of(scenario: Scenario, dap_id: NodeId, seed: int) -> list[Stood]:
+    """Return where what goes by the name of ``dap_id`` stands, from its installation on, by time.
+
+    Somebody may put it elsewhere, and two may go by each other's names. Raises ``ValueError`` for
+    one that its carrier never set down.
+    """
+    installed_s, place_m, _ = installation_truth(scenario, dap_id, seed)
+    stood = [Stood(installed_s, dap_id, place_m)]
+    fault = scenario.faults.get(dap_id, NONE)
+    if fault.moved_to_m is not None:
+        moved_s = max(fault.since_s, installed_s)
+        stood.append(Stood(moved_s, dap_id, np.array(fault.moved_to_m)))
+    swap = swap_of(scenario.faults, dap_id)
+    if swap is not None and is_set_down(scenario, swap.other_id, seed):
+        other_s, other_m, _ = installation_truth(scenario, swap.other_id, seed)
+        swapped_s = max(swap.since_s, installed_s, other_s)
+        stood.append(Stood(swapped_s, swap.other_id, other_m))
+    return sorted(stood, key=lambda each: each.since_s)

@@ -14,7 +14,7 @@ from shared.simulation.propagation import (
     power_between_worn_dbm,
     probability_heard,
 )
-from shared.simulation.radio import SCAN_JITTER, Scans
+from shared.simulation.radio import SCAN_JITTER, Scans, named_wrongly
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 
@@ -35,7 +35,7 @@ def simulate_meetings(scenario: Scenario, responder_id: NodeId, seed: int) -> Sc
         for other_id in scenario.responders
         if other_id != responder_id
     }
-    return Scans(time_s, rssi_dbm)
+    return Scans(time_s, named_wrongly(scenario, time_s, rssi_dbm))
 
 
 def _heard(

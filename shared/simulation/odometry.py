@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from shared.messages import Activity, LocalPosition, NodeId, OdometryIncrement, Vector3
 from shared.simulation.chance import generator
-from shared.simulation.odometry_errors import OdometrySettings, UnitFault
+from shared.simulation.faults import NONE, Fault
+from shared.simulation.odometry_errors import OdometrySettings
 from shared.simulation.scenario import Gait, Scenario
 from shared.simulation.walker import Walk, simulate_walk
 
@@ -90,7 +91,7 @@ def simulate_odometry(
     """Yield what the unit of ``responder_id`` says in the exercise of ``seed``, by time."""
     walk = simulate_walk(scenario, responder_id, seed)
     settings = scenario.odometry
-    fault = scenario.faults.get(responder_id, UnitFault())
+    fault = scenario.faults.get(responder_id, NONE)
     chance = generator(seed, "odometry", responder_id)
     begins_s = float(walk.reached_s[0]) + SETTLES_S
     known_sd_rad = math.radians(scenario.responders[responder_id].heading_sd_deg)
@@ -118,7 +119,7 @@ def odometry_of(
     drift = _drawn_drift(settings, walk, missed, chance)
     off_rad = _heading_error(heading_sd_rad, chance)
     counted = np.flatnonzero(~missed)
-    yield from _strides(walk, counted, drift, off_rad, settings, UnitFault(), chance)
+    yield from _strides(walk, counted, drift, off_rad, settings, NONE, chance)
 
 
 def _drawn_drift(
@@ -162,7 +163,7 @@ def _strides(
     drift: _Drift,
     first_off_rad: float,
     settings: OdometrySettings,
-    fault: UnitFault,
+    fault: Fault,
     chance: np.random.Generator,
 ) -> Iterator[Stride]:
     """Yield the strides ``counted`` by a unit that was off by ``first_off_rad`` before the first.
@@ -175,8 +176,12 @@ def _strides(
     place_m = np.array([fall.place_m for fall in walk.footfalls])
     facing_rad = np.array([fall.facing_rad for fall in walk.footfalls])
     off_rad = first_off_rad + drift.north_off_rad - drift.north_off_rad[counted[0]]
+    # Of this turn it does not know.
+    changed_rad = math.radians(fault.turned_deg) * (walk.reached_s >= fault.since_s)
+    own_rad = facing_rad - off_rad
+    off_rad = off_rad + changed_rad
     heading_rad = facing_rad - off_rad
-    told_heading_rad = heading_rad[counted[0]]
+    told_heading_rad = own_rad[counted[0]]
     for k in counted:
         moved_m = place_m[k + 1] - place_m[k]
         length_m = float(np.hypot(moved_m[0], moved_m[1]))
@@ -194,12 +199,12 @@ def _strides(
                 float(long * (moved_m[1] * cosine + moved_m[0] * sine) + aside_m * noise[1]),
                 float(down_m),
             ),
-            d_heading_rad=float(heading_rad[k + 1] - told_heading_rad),
+            d_heading_rad=float(own_rad[k + 1] - told_heading_rad),
             heading_rad=float(heading_rad[k + 1]),
             covariance=_told_covariance(settings, length_m),
             gait=walk.gaits[k],
         )
-        told_heading_rad = heading_rad[k + 1]
+        told_heading_rad = own_rad[k + 1]
 
 
 def _told_covariance(settings: OdometrySettings, length_m: float) -> Covariance4:

@@ -51,16 +51,3 @@ class OdometrySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     told_place_m: Spread = 0.02
     told_place_per_m: Spread = 0.02
     told_height_m: Spread = 0.02
-
-
-class UnitFault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is wrong with one responder's unit.
-
-    It starts anew at each of ``restarts_s`` (seconds of the exercise), knowing neither where it is
-    nor how it heads; its strides come out longer by the factor ``scale``; its clock is ahead by
-    ``clock_ahead_s``.
-    """
-
-    restarts_s: tuple[Annotated[float, Meta(ge=0.0, le=1e5)], ...] = ()
-    scale: Annotated[float, Meta(gt=0.1, le=10.0)] = 1.0
-    clock_ahead_s: Annotated[float, Meta(ge=-3600.0, le=3600.0)] = 0.0

@@ -61,6 +61,15 @@ class Wall(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     doors: tuple[Door, ...] = ()
     bend_deg: Annotated[float, Meta(gt=-360.0, lt=360.0)] = 0.0
 
+    def __post_init__(self) -> None:
+        """Refuse a door that is not in the wall."""
+        for door in self.doors:
+            if door.at_m > self.length_m:
+                raise ValueError(
+                    f"doors: at_m = {door.at_m:g} is beyond the wall, which is"
+                    f" {self.length_m:.2f} m long"
+                )
+
     @property
     def length_m(self) -> float:
         """Length along the wall."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from shared.messages import NodeId
 from shared.simulation.chance import generator
-from shared.simulation.installation import installation_truth, is_set_down
+from shared.simulation.faults import NONE, Fault, swap_of
+from shared.simulation.installation import is_set_down, places_of
 from shared.simulation.link import Link
 from shared.simulation.propagation import probability_heard
 from shared.simulation.scenario import Scenario
@@ -31,8 +33,13 @@ class RadioChannel:
     def __init__(self, scenario: Scenario, dap_id: NodeId, responder_id: NodeId, seed: int) -> None:
         self._radio = scenario.radio
         self._body = simulate_walk(scenario, responder_id, seed).body
-        self._installed_s, self.dap_m, _ = installation_truth(scenario, dap_id, seed)
+        first, *later = places_of(scenario, dap_id, seed)
+        self._installed_s, self.dap_m = first.since_s, first.place_m
         self._link = Link(scenario, dap_id, responder_id, seed, self.dap_m)
+        self._later = [
+            (each.since_s, Link(scenario, each.box_id, responder_id, seed, each.place_m))
+            for each in later
+        ]
         self._scans = (seed, "scans", dap_id)
         self._noise = (seed, "readings", dap_id, responder_id)
 
@@ -61,7 +68,11 @@ class RadioChannel:
         body_m, heading_rad = self._body.at(time_s)
         chance = generator(*self._noise)
         noise_db = self._radio.noise_sd_db * chance.normal(size=len(time_s))
-        rssi_dbm = np.round(self.power_dbm(body_m, heading_rad) + noise_db)
+        power_dbm = self.power_dbm(body_m, heading_rad)
+        for since_s, link in self._later:
+            since = time_s >= since_s
+            power_dbm[since] = link.power_dbm(body_m[since], heading_rad[since])
+        rssi_dbm = np.round(power_dbm + noise_db)
         heard = chance.random(len(time_s)) < probability_heard(self._radio, rssi_dbm)
         heard &= time_s >= self._body.time_s[0]
         return time_s[heard], rssi_dbm[heard]
@@ -93,4 +104,31 @@ def simulate_scans(scenario: Scenario, dap_id: NodeId, seed: int) -> Scans:
         heard_s, values_dbm = channel.readings()
         rssi_dbm[responder_id] = np.full(len(time_s), np.nan)
         rssi_dbm[responder_id][np.searchsorted(time_s, heard_s)] = values_dbm
-    return Scans(time_s, rssi_dbm)
+    named = named_wrongly(scenario, time_s, rssi_dbm)
+    return Scans(time_s, _replayed(scenario.faults.get(dap_id, NONE), time_s, named))
+
+
+def named_wrongly(
+    scenario: Scenario, time_s: Array, rssi_dbm: Mapping[NodeId, Array]
+) -> dict[NodeId, Array]:
+    """Return readings (n,) at ``time_s`` (n,) by whose they are held to be: radios are swapped."""
+
+    def readings(name: NodeId, own_dbm: Array) -> Array:
+        swap = swap_of(scenario.faults, name)
+        if swap is None or swap.other_id not in rssi_dbm:
+            return own_dbm
+        return np.where(time_s >= swap.since_s, rssi_dbm[swap.other_id], own_dbm)
+
+    return {name: readings(name, own_dbm) for name, own_dbm in rssi_dbm.items()}
+
+
+def _replayed(fault: Fault, time_s: Array, rssi_dbm: dict[NodeId, Array]) -> dict[NodeId, Array]:
+    """Return readings with those among them that come once more, where somebody replays them."""
+    if fault.replays_s is None or not time_s.size:
+        return rssi_dbm
+    before = np.searchsorted(time_s, time_s - fault.replays_s, side="right") - 1
+    is_replayed = (before >= 0) & (time_s >= fault.since_s)
+    return {
+        name: np.where(is_replayed, np.fmax(each_dbm, each_dbm[before]), each_dbm)
+        for name, each_dbm in rssi_dbm.items()
+    }

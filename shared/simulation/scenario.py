@@ -18,10 +18,11 @@ from msgspec import Meta
 from shared.config import ConfigError, load_toml
 from shared.messages import NodeId
 from shared.simulation.barometer import BarometerSettings
+from shared.simulation.faults import Fault, misplaced
 from shared.simulation.gnss import GnssReceiver
 from shared.simulation.imu_errors import PHONE, ImuSettings
 from shared.simulation.magnetic import MagneticSettings
-from shared.simulation.odometry_errors import OdometrySettings, UnitFault
+from shared.simulation.odometry_errors import OdometrySettings
 from shared.simulation.plan import Plan, Point, load_plan, packaged_or_path
 from shared.simulation.propagation import RadioParameters
 from shared.simulation.turning import turned
@@ -241,19 +242,13 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
     radio: RadioParameters = RadioParameters()
     gnss: GnssReceiver | None = None
     odometry: OdometrySettings = OdometrySettings()
-    faults: dict[NodeId, UnitFault] = {}
+    faults: dict[NodeId, Fault] = {}
     taped_m: Annotated[float, Meta(gt=0.0, le=1e5)] | None = None
 
     def __post_init__(self) -> None:
-        """Refuse DAPs that nobody or more than one installs, and people who are not described.
-
-        Refuse as well an id that two have, or that a demo gives to itself.
-        """
+        """Refuse DAPs not installed once, people who are not described, and ids that are taken."""
         if not self.responders and not self.teams:
             raise ValueError("responders: nobody goes in; describe one, or a team")
-        for responder_id in self.faults:
-            if responder_id not in self.everybody:
-                raise ValueError(f"faults.{responder_id}: nobody is called so")
         _refuse_ids(self.everybody, self.daps)
         installed = [dap_id for dap_id, _ in self.installations]
         for dap_id, dap in self.daps.items():
@@ -262,8 +257,9 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=Tru
                 raise ValueError(
                     f"daps.{dap_id}: give it a position_m, or let one leg install it; has {ways}"
                 )
+        carried = {dap_id for each in self.responders.values() for dap_id in each.carries}
         for dap_id in installed:
-            if dap_id not in self.daps:
+            if dap_id not in self.daps and dap_id not in carried:
                 raise ValueError(f"a leg installs {dap_id!r}: list it under daps")
         for responder_id, responder in self.responders.items():
             if responder.person not in self.people and responder.person != "average":
@@ -327,7 +323,8 @@ def load_scenario(name_or_path: str) -> Scenario:
     if scenario.plan.endswith(".toml"):
         scenario = msgspec.structs.replace(scenario, plan=str(path.parent / scenario.plan))
     scenario = _as_it_lies(_with_teams(scenario))
-    for complaint in _out_of_place(scenario):
+    complaints = misplaced(scenario.faults, scenario.responders, scenario.daps)
+    for complaint in (*complaints, *_out_of_place(scenario)):
         raise ConfigError(f"{path}: {complaint}")
     return scenario
 
@@ -364,6 +361,7 @@ def _as_it_lies(scenario: Scenario) -> Scenario:
             for name, each in scenario.responders.items()
         },
         daps={name: turned(dap, Dap, turn_deg) for name, dap in scenario.daps.items()},
+        faults={name: turned(each, Fault, turn_deg) for name, each in scenario.faults.items()},
     )
 
 
@@ -372,6 +370,8 @@ def _out_of_place(scenario: Scenario) -> Iterator[str]:
     for responder_id, responder in scenario.responders.items():
         where = f"responders.{responder_id}"
         yield from _not_in(scenario.building, "floors", f"{where}.floor", responder.floor)
+        if responder.carries and responder.sets_down == "at_sites" and not scenario.building.sites:
+            yield f'{where}.sets_down: the plan has no sites; list some, or use "spaced"'
         for index, leg in enumerate(responder.route):
             for complaint in _leg_out_of_place(scenario.building, leg):
                 yield f"{where}.route[{index}].{complaint}"

@@ -32,6 +32,9 @@ Array: TypeAlias = NDArray[np.float64]
 ALONG_WALL_M = 0.8
 """How far from the wall somebody walks who follows it."""
 MOST_DRAWS = 1000
+SAME_CORNER_M = 1e-3
+"""An outline that ends where it began, or rests at a corner, has one there."""
+STRAIGHT_SINE = 1e-3
 
 
 def plain_legs(plan: Plan, responder: Responder, chance: np.random.Generator) -> list[PlainLeg]:
@@ -46,16 +49,34 @@ def plain_legs(plan: Plan, responder: Responder, chance: np.random.Generator) ->
 def wall_round(room: Room, aside_m: float = ALONG_WALL_M) -> Array:
     """Return the corners (n, 2) of a way along the walls of a room, ``aside_m`` from them.
 
-    It goes round as the room's outline does, which may have no corner that is straight.
+    It goes round as the room's outline does. Where that goes straight on there is no corner.
     """
-    corners = np.array(room.corners_m)
-    along = np.roll(corners, -1, axis=0) - corners
-    along /= np.hypot(*along.T)[:, None]
+    outline = np.array(room.corners_m)
+    outline = outline[_apart_m(outline) > SAME_CORNER_M]
+    corners = outline[np.abs(_turn_sines(outline)) > STRAIGHT_SINE]
+    along = _directions(corners)
     before = np.roll(along, 1, axis=0)
     # Two sides moved inward by one unit meet in the corner moved so: towards both, against both.
-    sine = before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0]
+    sine = _turn_sines(corners)
     turns = np.sign(np.sum(np.arctan2(sine, np.sum(before * along, axis=1))))
     return np.asarray(corners + aside_m * turns * (along - before) / sine[:, None])
+
+
+def _apart_m(corners: Array) -> Array:
+    """Return how far each corner (n, 2) is from the next."""
+    return np.asarray(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T))
+
+
+def _directions(corners: Array) -> Array:
+    """Return the direction (n, 2) from each corner to the next, of length 1."""
+    return np.asarray((np.roll(corners, -1, axis=0) - corners) / _apart_m(corners)[:, None])
+
+
+def _turn_sines(corners: Array) -> Array:
+    """Return the sine (n,) of the turn that an outline makes at each of its corners."""
+    along = _directions(corners)
+    before = np.roll(along, 1, axis=0)
+    return np.asarray(before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0])
 
 
 @lru_cache(maxsize=8)
@@ -108,10 +129,12 @@ class _Planner:
     def _drawn_rooms(self, leg: Search, corridors: Corridors) -> list[Entrance]:
         """Draw rooms, each at most once, and one of the doors of each."""
         floors = leg.floors or tuple(floor.name for floor in self._plan.floors)
-        doors: dict[str, list[Entrance]] = {}
+        doors: dict[tuple[str, str], list[Entrance]] = {}
         for entrance in corridors.entrances:
-            if entrance.room.floor in floors:
-                doors.setdefault(entrance.room.name, []).append(entrance)
+            room = entrance.room
+            if room.floor in floors:
+                # Floors may count their rooms alike.
+                doors.setdefault((room.name, room.floor), []).append(entrance)
         if not doors:
             raise ValueError(f"no room with a door to a way on the floors {list(floors)}")
         names = sorted(doors)

@@ -9,12 +9,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from command_post.commands.offline import montecarlo
 from command_post.evaluation.pooled import PooledScore, pool
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
 from command_post.rehearsing.monte_carlo import Exercise, Run, run_many
 from command_post.rehearsing.rehearsal import Agents
 from shared.exercise import REHEARSAL_INCIDENT
+from shared.process import ExitCode
+from shared.simulation.scenario import SCENARIOS
 
 STRIDES = Agents(None, raw=False, odometry="strides")
 
@@ -58,3 +61,9 @@ def test_the_command_gives_the_card_that_is_promised(tmp_path: Path) -> None:
         assert 0.0 <= told[way]["coverage95_pct"] <= 100.0
     assert told["pdr"]["dap"] is None
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_two_scenarios_of_one_name_are_refused(tmp_path: Path) -> None:
+    other = tmp_path / "corridor.toml"
+    other.write_bytes((SCENARIOS / "corridor.toml").read_bytes())
+    assert montecarlo(scenario=["corridor", str(other)], runs=1) == ExitCode.USAGE

@@ -8,8 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from shared.simulation.faults import Fault
 from shared.simulation.odometry import Stride, UnitStart, simulate_odometry
-from shared.simulation.odometry_errors import OdometrySettings, UnitFault
+from shared.simulation.odometry_errors import OdometrySettings
 from shared.simulation.scenario import Move, Scenario
 from shared.simulation.walker import simulate_walk
 from tests.simulated_walks import lone_walk
@@ -143,7 +144,7 @@ def test_strides_go_missing_and_nobody_says_so(exercise: Scenario) -> None:
 
 
 def test_a_unit_that_restarts_knows_neither_place_nor_heading(exercise: Scenario) -> None:
-    faults = {"r1": UnitFault(restarts_s=(50.0, 90.0), scale=1.2)}
+    faults = {"r1": Fault(restarts_s=(50.0, 90.0), scale=1.2)}
     said = list(simulate_odometry(msgspec.structs.replace(exercise, faults=faults), "r1", 3))
     starts = [each for each in said if isinstance(each, UnitStart)]
     assert [start.time_s for start in starts[1:]] == [50.0, 90.0]
@@ -158,3 +159,17 @@ def test_a_unit_that_restarts_knows_neither_place_nor_heading(exercise: Scenario
         sum(math.hypot(*each.displacement_m[:2]) for each in way) for way in (longer, whole)
     ]
     assert lengths_m[0] / lengths_m[1] == pytest.approx(1.2, rel=0.01)
+
+
+def test_another_unit_on_the_boot_does_not_say_that_it_is_turned(exercise: Scenario) -> None:
+    exact = without_errors(exercise)
+    fault = Fault(since_s=30.0, turned_deg=90.0)
+    right = strides_of(exact, "r1", 1)
+    wrong = strides_of(msgspec.structs.replace(exact, faults={"r1": fault}), "r1", 1)
+    for one, other in zip(right, wrong, strict=True):
+        north_m, east_m, down_m = one.displacement_m
+        if one.end_s < fault.since_s:
+            assert other == one
+        elif one.start_s > fault.since_s + 3.0:
+            np.testing.assert_allclose(other.displacement_m, (east_m, -north_m, down_m), atol=1e-9)
+        assert other.d_heading_rad == pytest.approx(one.d_heading_rad)

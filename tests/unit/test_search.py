@@ -12,9 +12,17 @@ import pytest
 
 from shared.simulation.corridors import Corridors, Place, inside
 from shared.simulation.installation import installation_truth, is_set_down
-from shared.simulation.plan import Plan, Room, load_plan
-from shared.simulation.scenario import Scenario, load_scenario
-from shared.simulation.search import wall_round
+from shared.simulation.plan import Door, Floor, Plan, Room, Stairs, Wall, Way, load_plan
+from shared.simulation.scenario import (
+    Climb,
+    Move,
+    Responder,
+    Scenario,
+    Search,
+    Stand,
+    load_scenario,
+)
+from shared.simulation.search import plain_legs, wall_round
 from shared.simulation.set_downs import SET_DOWN_S
 from shared.simulation.team_routes import COMES_BY_M
 from shared.simulation.walker import simulate_walk
@@ -66,6 +74,35 @@ def test_a_room_is_gone_round_inside_along_its_walls(order: int) -> None:
     assert {(round(float(n), 9), round(float(e), 9)) for n, e in way} == expected
     assert all(inside(room, point) for point in way)
     assert not inside(room, np.array([6.0, 8.0]))
+
+
+def test_an_outline_may_go_straight_on_and_end_where_it_began() -> None:
+    square = ((0.0, 0.0), (0.0, 6.0), (5.0, 6.0), (5.0, 0.0))
+    drawn = ((0.0, 0.0), (0.0, 3.0), (0.0, 6.0), (5.0, 6.0), (5.0, 6.0), (5.0, 0.0), (0.0, 0.0))
+    ways = [wall_round(Room("R", "ground", each)) for each in (square, drawn)]
+    assert sorted(ways[0].tolist()) == sorted(ways[1].tolist())
+
+
+def test_floors_may_count_their_rooms_alike() -> None:
+    floors = (Floor("ground", 0.0), Floor("first", 3.0))
+    plan = Plan(
+        "two rooms called 1, one above the other",
+        floors,
+        walls=tuple(
+            Wall(floor.name, (1.0, 0.0), (1.0, 6.0), doors=(Door(3.0),)) for floor in floors
+        ),
+        rooms=tuple(
+            Room("1", floor.name, ((1.0, 0.0), (6.0, 0.0), (6.0, 6.0), (1.0, 6.0)))
+            for floor in floors
+        ),
+        stairs=(Stairs("up", "ground", "first", (0.0, 6.0), (0.0, 12.0), 20),),
+        ways=(Way("ground", ((0.0, 0.0), (0.0, 6.0))), Way("first", ((0.0, 12.0), (0.0, 0.0)))),
+    )
+    searcher = Responder((0.0, 0.0), (Stand(5.0), Search(rooms=(2, 2)), Stand(5.0)))
+    legs = plain_legs(plan, searcher, np.random.default_rng(SEED))
+    # Into a room, to its door again, and out of it.
+    assert sum(isinstance(leg, Move) and leg.exact for leg in legs) == 2 * 3
+    assert any(isinstance(leg, Climb) for leg in legs)
 
 
 def test_searchers_go_into_as_many_rooms_as_told(scenario: Scenario) -> None:

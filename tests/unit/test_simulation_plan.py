@@ -121,3 +121,8 @@ def test_a_bent_wall_is_met_but_not_through_its_door() -> None:
     beyond_m = 1.2 * arc.at(2.0)
     assert plan.walls_crossed(out, line((*beyond_m, -1.0))).item() == 1
     assert len(plan.wall_pieces_m) > 10
+
+
+def test_a_door_must_be_in_its_wall() -> None:
+    with pytest.raises(ValueError, match=r"at_m = 11 is beyond the wall, which is 10.00 m long"):
+        Wall("ground", (0.0, 0.0), (0.0, 10.0), doors=(Door(at_m=11.0),))

@@ -80,7 +80,11 @@ def test_packaged_scenarios_load_by_name_and_are_whole(path: Path) -> None:
             '{ do = "search", rooms = [3, 2] },\n{ do = "move"',
             "rooms: 3 is more than 2",
         ),
+        ("[responders.r1]", "[responders.r1]\ncarries = ['d1']", "the plan has no sites"),
         ("[people.anna]", "[faults.r9]\nscale = 2.0\n[people.anna]", "faults.r9: nobody is called"),
+        ("[people.anna]", "[faults.dap1]\nscale = 2.0\n[people.anna]", "scale: not of a DAP"),
+        ("[people.anna]", "[faults.r1]\nreplays_s = 9\n[people.anna]", "not of a responder"),
+        ("[people.anna]", "[faults.r1]\nswapped_with = 'dap1'\n[people.anna]", "'dap1' is no"),
         ("[people.anna]", TEAM + "[people.anna]", "'r1' is there more than once"),
         ('gait = "walk"', 'gait = "hop"', "'hop'"),
         ("dap1", "r1", "'r1': a responder and a DAP have it"),
@@ -121,7 +125,8 @@ def test_a_team_goes_in_one_after_another_and_carries_its_own_daps(tmp_path: Pat
     path = tmp_path / "mine.toml"
     team = TEAM.replace('"r1"', '"r3"')
     team = team.replace("[teams.alpha.every]", "stagger_s = 20\ndaps_each = 2\n"
-                        "leader_heading_sd_deg = 2\n[teams.alpha.every]\nstart_s = 60")  # fmt: skip
+                        "leader_heading_sd_deg = 2\n[teams.alpha.every]\n"
+                        "start_s = 60\nsets_down = 'spaced'")  # fmt: skip
     path.write_text(GOOD + team, encoding="utf-8")
     scenario = load_scenario(str(path))
     assert list(scenario.responders) == ["r1", "r2", "r3"]

@@ -1,0 +1,80 @@
+"""What is wrong with a responder's unit, or with a DAP, in an exercise."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Annotated, NamedTuple, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+from shared.messages import NodeId, Vector3
+
+Seconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e5)]
+
+OF_UNITS = frozenset({"restarts_s", "scale", "turned_deg"})
+OF_DAPS = frozenset({"moved_to_m", "replays_s"})
+
+
+class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is wrong with one node; times are seconds of the exercise.
+
+    A responder's unit starts anew at each of ``restarts_s``, knowing neither where it is nor how it
+    heads; its strides come out longer by the factor ``scale``; since ``since_s`` it is another one,
+    or turned on the foot, by ``turned_deg``, and does not say so. A DAP stands at ``moved_to_m``
+    (north, east, down) since then, where somebody put it; what it heard is sent once more
+    ``replays_s`` later.
+
+    The clock of either is ahead by ``clock_ahead_s``; since ``since_s`` its radio and that of
+    ``swapped_with``, another one of its kind, go by each other's names.
+    """
+
+    restarts_s: tuple[Seconds, ...] = ()
+    scale: Annotated[float, Meta(gt=0.1, le=10.0)] = 1.0
+    clock_ahead_s: Annotated[float, Meta(ge=-3600.0, le=3600.0)] = 0.0
+    since_s: Seconds = 0.0
+    turned_deg: Annotated[float, Meta(ge=-180.0, le=180.0)] = 0.0
+    moved_to_m: Vector3 | None = None
+    replays_s: Annotated[float, Meta(gt=0.0, le=1e4)] | None = None
+    swapped_with: NodeId | None = None
+
+    def told(self) -> set[str]:
+        """Return which fields say something."""
+        return {
+            each for each in self.__struct_fields__ if getattr(self, each) != getattr(NONE, each)
+        }
+
+
+NONE = Fault()
+
+
+class Swap(NamedTuple):
+    """By whose name a node's radio goes, and since when (s)."""
+
+    other_id: NodeId
+    since_s: float
+
+
+def swap_of(faults: Mapping[NodeId, Fault], node_id: NodeId) -> Swap | None:
+    """Return with whom a node's radio is swapped, whichever of the two says so."""
+    for one_id, fault in faults.items():
+        if fault.swapped_with is not None and node_id in (one_id, fault.swapped_with):
+            other_id = fault.swapped_with if node_id == one_id else one_id
+            return Swap(other_id, fault.since_s)
+    return None
+
+
+def misplaced(
+    faults: Mapping[NodeId, Fault], responders: Collection[NodeId], daps: Collection[NodeId]
+) -> Iterator[str]:
+    """Say which faults are nobody's, or of a kind that their node cannot have."""
+    for node_id, fault in faults.items():
+        where = f"faults.{node_id}"
+        if node_id not in responders and node_id not in daps:
+            yield f"{where}: nobody is called so, and no DAP"
+            continue
+        alike, wrong = (responders, OF_DAPS) if node_id in responders else (daps, OF_UNITS)
+        for field in sorted(fault.told() & wrong):
+            yield f"{where}.{field}: not of a {'responder' if alike is responders else 'DAP'}"
+        if fault.swapped_with is not None and fault.swapped_with not in set(alike) - {node_id}:
+            yield f"{where}.swapped_with: {fault.swapped_with!r} is no other one of its kind"
