@@ -146,10 +146,17 @@ def _covariance(
     pose: Pose, since: Moves, unseen: Unseen, way_m: tuple[float, float], unheard_m2: float,
     settings: TeamSettings,
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """Return nn, ne, ee and the turn's variance at the end of the way since the pose."""
+    """Return nn, ne, ee and the turn's variance at the end of the way since the pose.
+
+    A way that may be turned by much ends on an arc, which bends back from the straight line along
+    which the ellipse of small turns lies. How far, its turn tells: from where the way is turned
+    the end is as far as place and turn go together.
+    """
     dn, de = way_m
     nn, ne, ee, tt, nt, et = pose.covariance
     tt = min(max(tt, 0.0), UNIFORM_TURN_RAD2)
+    from_n, from_e = (dn + et / tt, de - nt / tt) if tt > 0.0 else way_m
+    back = bent_back(tt)
     own_m2 = (
         unheard_m2
         + math.fsum(unseen.place_m2.tolist())
@@ -162,11 +169,20 @@ def _covariance(
     turn_rad2 = tt + since.end_ns.size * settings.stride_turn_sd_rad**2
     turn_rad2 += math.fsum(unseen.turn_rad2.tolist())
     return (
-        factor * (nn - 2.0 * de * nt + de * de * tt + own_m2),
-        factor * (ne + dn * nt - de * et - dn * de * tt),
-        factor * (ee + 2.0 * dn * et + dn * dn * tt + own_m2),
+        factor * (nn - 2.0 * de * nt + de * de * tt + own_m2 + back * from_n * from_n),
+        factor * (ne + dn * nt - de * et - dn * de * tt + back * from_n * from_e),
+        factor * (ee + 2.0 * dn * et + dn * dn * tt + own_m2 + back * from_e * from_e),
         min(turn_rad2, UNIFORM_TURN_RAD2),
     )
+
+
+def bent_back(turn_rad2: float) -> float:
+    """Return the mean square of 1 - cos θ, θ being normal about nought with that variance (rad²).
+
+    It is 3 v² / 4 of a small variance v; of any up to some 2 rad² this is near
+    (1 + exp(-2 v)) / 2 - 2 exp(-v / 2) + 1.
+    """
+    return 0.75 * turn_rad2 * turn_rad2 / (1.0 + turn_rad2)
 
 
 def _status(

@@ -75,6 +75,10 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     them as ``noise_prior_passes`` and ``noise_prior_moves`` say: of one way alone hardly any move
     is told by anything else. A unit's scale is known to ``scale_sd``, which is more than boots
     differ by: strides that go unnoticed make all ways of a team short alike, and no pass tells.
+
+    Covariances are told ``covariance_factor`` times as wide as they are solved; afterwards, of a
+    team that is held to an axis given, ``given_axis_factor`` times that: headings held to an axis
+    are surer than straight moves, each as far off it as ``straight_sd_rad``, let them seem.
     """
 
     tick_s: Seconds = 2.0
@@ -102,7 +106,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     stride_turn_sd_rad: Radians = math.radians(0.6)
     told_turn_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 2.0
     lost_stride_m: Metres = 1.2
-    unseen_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.9
+    unseen_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.97
     unseen_turn_sd_rad: Radians = math.radians(6.0)
     start_sd_m: Metres = 0.5
     entrance_sd_m: Metres = 1.0
@@ -132,7 +136,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     axis: bool = True
     axis_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] = 0.0
-    axis_sd_rad: Radians = math.radians(1.0)
+    axis_sd_rad: Radians = math.radians(0.5)
     straight_sd_rad: Radians = math.radians(6.0)
     straight_least_m: Metres = 1.8
     straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985
@@ -151,3 +155,4 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     recovered_turn_sd_rad: Radians = math.radians(20.0)
 
     covariance_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
+    given_axis_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 0.75

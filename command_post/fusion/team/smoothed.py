@@ -27,12 +27,16 @@ def smoothed_tracks(
     """Return the ways of a solution, with covariances; some clocks are ahead by ``ahead_ns``.
 
     Between two nodes a way goes as the unit said, turned by the mean of their turns; what is then
-    missing to the next node is shared out evenly.
+    missing to the next node is shared out evenly. Held to an axis that is given, covariances are
+    told ``given_axis_factor`` times as wide.
     """
     graph, pose, arrow = solved.assembled.graph, solved.pose.copy(), solved.arrow.copy()
     _, _, covariance, _ = smooth(
         graph, pose, arrow, settings.commit_iterations, settings.settled_m, EVERY_NODE
     )
+    factor = settings.covariance_factor
+    if solved.belief.mode == "given":
+        factor *= settings.given_axis_factor
     tracks = {}
     for index, chain in enumerate(solved.assembled.chains):
         nodes = solved.assembled.nodes[index]
@@ -47,7 +51,7 @@ def smoothed_tracks(
         tracks[chain.responder_id] = SmoothedTrack(
             (time_ns - ahead_ns.get(chain.responder_id, 0)) / NS_PER_S,
             np.column_stack([place_m, down_m])[stance],
-            spread[stance] * settings.covariance_factor,
+            spread[stance] * factor,
         )
     return tracks
 

@@ -2,7 +2,9 @@
 
 Who walks on takes as long for each stride as for the one before, while a pause may last any time.
 So where just as much time is missing as a stride takes, one most likely was walked and went
-unnoticed; where numbers say that some were lost on the way, those were, if the time suits.
+unnoticed; where numbers say that some were lost on the way, those were, if the time suits. Of those
+that go unnoticed beside a pause time tells nothing: the ways between are taken to be as much longer
+as makes up for them, or all ways of a team would come out short alike, and no pass would tell.
 """
 
 from __future__ import annotations
@@ -27,6 +29,10 @@ ALIKE = 0.1
 
 SCATTER = 0.1
 """How much of a stride's square those beside it leave unexplained."""
+
+
+MORE = 1.15
+"""So many strides go unnoticed for each that time tells of: beside a pause it tells of none."""
 
 
 class Unseen(NamedTuple):
@@ -77,10 +83,11 @@ def _suppose(
             0 if k == 0 else min(max(moves.sequence[k] - moves.sequence[k - 1] - 1, 0), MOST_LOST)
         )
         walked = _walked(moves, k, lost)
+        supposed = share * walked * (1.0 if lost else MORE)
         square_m2 = 0.0
         for at, column in enumerate((NORTH, EAST, DOWN)):
             beside_m = 0.5 * (moves.values[k, column] + moves.values[k - 1, column])
-            found.way_m[k, at] = share * walked * beside_m
+            found.way_m[k, at] = supposed * beside_m
             if column != DOWN:
                 square_m2 += beside_m * beside_m
         spread_m2 = (share * (1.0 - share) * walked**2 + SCATTER * walked) * square_m2
