@@ -68,6 +68,10 @@ class SelfCheckSettings(NamedTuple):
     drift_c_min: float = 6.0
 
 
+SLOW_HZ: dict[Mount, tuple[float, float]] = {"vehicle": (80.0, 40.0)}
+"""Rates below which a mount tells less, and next to nothing: the road is heard at 50 to 100 Hz."""
+
+
 class HealthReport(NamedTuple):
     """Findings in words, worst first, and the level of the worst."""
 
@@ -105,6 +109,7 @@ class SelfCheck:
         self, faults: Faults, settings: SelfCheckSettings | None = None, *, worn: Mount = "boot"
     ) -> None:
         self._faults = faults
+        self._slow_hz = SLOW_HZ.get(worn)
         self._worn = worn.capitalize()
         self._sensor = f"{self._worn} sensor"
         words = f"{self._sensor} has stopped sending: check its battery and its cable"
@@ -243,6 +248,9 @@ class SelfCheck:
     def _of_rate(self) -> list[_Finding]:
         nominal_hz, sensor = self._settings.nominal_rate_hz, self._sensor
         rate_hz = median(block.rate_hz for block in self._blocks)
+        if self._slow_hz is not None and 0.0 < rate_hz < self._slow_hz[0]:
+            words = f"{sensor} reads only {rate_hz:.0f} times a second, too few: set it to 100"
+            return [_Finding("warning" if rate_hz >= self._slow_hz[1] else "fault", words)]
         if nominal_hz is None or abs(rate_hz / nominal_hz - 1.0) <= self._settings.rate_share:
             return []
         words = f"{sensor} reads {rate_hz:.1f} times a second, not {nominal_hz:.0f}: set it up"

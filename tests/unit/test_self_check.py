@@ -14,7 +14,7 @@ from edge_agent.mounts.interface import Faults, Increment
 from edge_agent.mounts.methods import make_mount
 from edge_agent.self_check import HealthReport, SelfCheck, SelfCheckSettings
 from edge_agent.sources.npz_set import read_npz_set
-from shared.messages import ImuSample
+from shared.messages import ImuSample, Mount
 from shared.units import NS_PER_S
 from tests.synthetic_boot import SyntheticWalk
 
@@ -170,6 +170,25 @@ def test_a_clock_set_back_is_found() -> None:
 def test_a_frozen_sensor_is_found() -> None:
     frozen = (ImuSample(k * 10_000_000, (0.0, 0.0, -9.81), (0.0, 0.0, 0.0)) for k in range(1000))
     assert worst(reports(frozen)) == ("fault", {"Boot sensor repeats one reading: restart"})
+
+
+@pytest.mark.parametrize(
+    ("worn", "rate_hz", "level"),
+    [
+        ("vehicle", 25.0, "fault"),
+        ("vehicle", 52.0, "warning"),
+        ("vehicle", 100.0, "ok"),
+        ("chest", 25.0, "ok"),
+    ],
+)
+def test_a_vehicles_sensor_that_is_too_slow_for_the_road_is_found(
+    worn: Mount, rate_hz: float, level: str
+) -> None:
+    check = SelfCheck(Faults(), worn=worn)
+    told = [one for sample in walk(rate_hz) if (one := check.take_sample(sample)) is not None]
+    words = {words.split(" times")[0] for one in told for words in one.findings}
+    assert told[-1].level == level
+    assert words == ({f"Vehicle sensor reads only {rate_hz:.0f}"} if level != "ok" else set())
 
 
 def test_a_rate_unlike_the_nominal_one_is_found() -> None:
