@@ -36,7 +36,8 @@ def make_fusion(settings: FusionSettings) -> Fusion:
 def prepare_fusion(settings: FusionSettings) -> None:
     """Have all machine code built that fusing so needs, by rehearsing an incident of two.
 
-    One knows their heading and shows the building's axis, the other one does not. Takes some tens of seconds after an installation, and about one from then on.
+    One knows their heading and shows the building's axis, the other one does not. Takes some tens
+    of seconds after an installation, and about one from then on.
     """
     fusion = make_fusion(settings)
     for responder_id, heading_sd_rad in (("a", _KNOWN_SD_RAD), ("b", math.pi)):
