@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import pytest
+
 from command_post.nodes.node_clock import KnownClock
 from command_post.nodes.senders import Senders
 from shared.codec import Refusal, decode, parse_key
@@ -19,13 +21,18 @@ from shared.seal import read_seal
 from shared.topics import TOPICS, Key
 from shared.units import NS_PER_S
 from tests.bus.test_zenoh import free_endpoint
-from tests.faults.fleet import rows_of
+from tests.faults.fleet import build_machine_code, rows_of
 from tests.waiting import DEADLINE_S, wait_for
 
 FOR_TEST = ("--insecure", "--incident", "test")
 MS = 1_000_000
 SLEWED_NS = 5 * MS
 """What the machine's own clock may be put right by between the starts of two processes."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _built() -> None:
+    build_machine_code()
 
 
 @contextmanager
