@@ -16,7 +16,11 @@ import numpy as np
 from edge_agent.inertial.forward_axis import AXIS_SD_RAD
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD
 from edge_agent.inertial.standstill import Standstill
-from edge_agent.inertial.stride_error import heading_variance
+from edge_agent.inertial.stride_error import (
+    LARGEST_VARIANCE_M2,
+    LOST_CLIMB_M_S,
+    heading_variance,
+)
 from edge_agent.inertial.vehicle_filter import VehicleFilter
 from edge_agent.inertial.vehicle_start import (
     UNKNOWN_SPEED_M_S,
@@ -59,6 +63,9 @@ LONGEST_BRIDGE_S = 10.0
 
 STUCK_S = 0.25
 """A sensor in a vehicle trembles; one that reads the same for longer has stopped to read."""
+
+FASTEST_M_S = 40.0
+"""Over a longer one it goes no faster in the mean."""
 
 DOWN: Vector3 = (0.0, 0.0, 1.0)
 
@@ -148,6 +155,8 @@ class VehicleMount:
                 self._tell_pending()
                 if last_ns is not None and LONGEST_GAP_S < gap_s <= LONGEST_BRIDGE_S:
                     self._bridge(last_ns, sample.time_ns)
+                elif last_ns is not None and gap_s > LONGEST_BRIDGE_S:
+                    self._lose(last_ns, sample.time_ns)
                 self._begin_anew(max(gap_s, LONGEST_GAP_S))
             self._take(sample)
 
@@ -270,6 +279,25 @@ class VehicleMount:
             min(self._forward_sd_rad, UNKNOWN_HEADING_SD_RAD),
         )
         self._done.extend(drive_increments(drive))
+
+    def _lose(self, last_ns: int, until_ns: int) -> None:
+        """Tell of a gap that nobody knows the way over, if the vehicle was not known to stand."""
+        speed = self._speed_before()
+        if speed is None:
+            return
+        from_ns = self._waiting[0].time_ns if self._waiting else last_ns
+        lasted_s = (until_ns - from_ns) / NS_PER_S
+        fastest_m_s = max(speed.speed_m_s, FASTEST_M_S)
+        mean_m_s = min(speed.speed_m_s + 0.5 * GAP_ACCELERATION_M_S2 * lasted_s, fastest_m_s)
+        level_m2 = min((mean_m_s * lasted_s) ** 2, LARGEST_VARIANCE_M2)
+        down_m2 = min((LOST_CLIMB_M_S * lasted_s) ** 2, LARGEST_VARIANCE_M2)
+        turned_rad2 = heading_variance(lasted_s, lasted_s, bias_known=True)
+        covariance = (level_m2, 0.0, 0.0, 0.0, level_m2, 0.0, 0.0, down_m2, 0.0, turned_rad2)
+        self._done.append(
+            Increment(
+                from_ns, until_ns, (0.0, 0.0, 0.0), 0.0, self._heading_rad, covariance, (), steps=0
+            )
+        )
 
     def _speed_before(self) -> KnownSpeed | None:
         """Return the speed at the last sample, as far as it is known."""

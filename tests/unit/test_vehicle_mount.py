@@ -204,6 +204,19 @@ def test_over_a_gap_the_vehicle_goes_on_as_it_did_and_is_known_less_well(sticks:
     assert (mount.faults.unusable > 200) == sticks
 
 
+def test_over_a_longer_gap_nobody_knows_where_it_went() -> None:
+    samples = drive(((0.0, 12.0), (11.0, 12.0))).recording
+    later = samples.time_ns + np.where(np.arange(len(samples)) < 650, 0, 15 * 10**9)
+    mount = VehicleMount()
+    mount.know_speed(12.0, 0.1)
+    told = mount.steps(replace(samples, time_ns=later)) + mount.finish()
+    (over,) = [one for one in told if one.end_time_ns - one.start_time_ns > 10**10]
+    assert over.displacement_m == (0.0, 0.0, 0.0)
+    assert 15.0 * 12.0 < math.sqrt(over.covariance[0]) < 15.0 * 40.0
+    assert over.covariance[9] > 3.0
+    assert [one for one in told if one.start_time_ns >= over.end_time_ns]
+
+
 def test_a_gyroscope_may_be_one_that_nobody_has_calibrated() -> None:
     truth = drive(((0.0, 14.0), (12.0, 15.0), (14.0, 14.5)))
     mount = VehicleMount()
