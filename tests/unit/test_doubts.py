@@ -10,9 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from command_post.fusion.interface import Doubt
+from command_post.fusion.team.doubts import PRICE, doubts_of
 from command_post.fusion.team.estimates import estimate_of, first_pose
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.solution import Held
+from command_post.fusion.team.suspicions import Suspicion
 from command_post.fusion.team.team_tracker import TeamTracker
 from shared.messages import OdometryIncrement, RssiPeak
 from shared.units import NS_PER_S
@@ -153,6 +156,15 @@ def test_an_estimate_is_dated_on_the_clock_of_the_post() -> None:
     for now_s, told_s in ((0.0, 8.0), (9.0, 9.0)):
         told = estimate_of(pose, own, at_ns(now_s), np.empty(0), settings)
         assert told.time_ns == at_ns(told_s)
+
+
+def test_what_is_hardly_likelier_is_told_once_it_has_stood() -> None:
+    suspicion = Suspicion("moved", "dap", "dap4", 0)
+    hardly, surely = PRICE["moved"] + 1.0, PRICE["moved"] + 10.0
+    assert doubts_of((Held(suspicion, hardly),)) == ()
+    for held in (Held(suspicion, hardly, stood=True), Held(suspicion, surely)):
+        (doubt,) = doubts_of((held,))
+        assert (doubt.kind, doubt.node_id) == ("moved", "dap4")
 
 
 def test_who_is_doubted_says_so_in_the_estimate() -> None:

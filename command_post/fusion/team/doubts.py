@@ -48,6 +48,10 @@ PRICE: Mapping[SuspicionKind, float] = {
 its free parameters could explain by chance. What is known of a scale has a heavy tail, of which
 strides a seventh too long cost as much as that of ``scale``."""
 
+SURE_BY = 9.0
+"""What explains by so much more than its price is told at once: odds of ninety to one. The rest is
+heeded, and told once it has stood against what was passed since."""
+
 KEPT_SHARE = 0.5
 BETTER_BY = 6.0
 LEAST_MISFIT = 6.0
@@ -133,8 +137,9 @@ def examine(
 
 
 def doubts_of(held: tuple[Held, ...]) -> tuple[Doubt, ...]:
-    """Return in words what is held against nodes, of either of two that are mistaken."""
-    return tuple(doubt for each in held for doubt in _worded(each))
+    """Return in words what is surely held against nodes, of either of two that are mistaken."""
+    sure = (each for each in held if each.stood or _net(each) > SURE_BY)
+    return tuple(doubt for each in sure for doubt in _worded(each))
 
 
 def _worded(held: Held) -> Iterator[Doubt]:
@@ -244,7 +249,8 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
         return Verdict(best[0], (*rest, best[1]), examined)
     if gain < KEPT_SHARE * PRICE[suspicion.kind]:
         return Verdict(without, rest, examined)
-    return Verdict(verdict.solved, (*rest, Held(suspicion, gain)), examined)
+    stood = held.stood or gain > PRICE[suspicion.kind]
+    return Verdict(verdict.solved, (*rest, Held(suspicion, gain, stood)), examined)
 
 
 def _net(held: Held) -> float:

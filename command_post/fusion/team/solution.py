@@ -41,10 +41,14 @@ NO_WAYS: Ways = {}
 
 
 class Held(NamedTuple):
-    """A suspicion that is held, and how much cheaper it makes the solution."""
+    """A suspicion that is held, and how much cheaper it makes the solution.
+
+    It ``stood`` when it was weighed again by what came since.
+    """
 
     suspicion: Suspicion
     gain: float
+    stood: bool = False
 
 
 class Stood(NamedTuple):
