@@ -98,7 +98,7 @@ def test_what_is_wrong_with_a_responder_is_named_and_does_half_the_harm(
 def test_strides_a_fifth_too_long_are_named_and_do_little_harm_before() -> None:
     faults = Faults(since_s=60.0, scale=("r3", 1.2))
     with_doubts, without = fused(1, faults), fused(1, faults, doubting=False)
-    since_s = faults.since_s + 12 * COMMIT_S
+    since_s = faults.since_s + 13 * COMMIT_S
     assert with_doubts.named_s.keys() == {("scale", "r3")}
     assert with_doubts.named_s["scale", "r3"] < since_s
     assert max(each.mean_m("r3", since_s) for each in (with_doubts, without)) < 0.5
