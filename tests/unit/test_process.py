@@ -102,7 +102,7 @@ def running(program: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_lets_the_program_close(number: signal.Signals) -> None:
     with running(OBEDIENT) as process:
         process.send_signal(number)
