@@ -19,7 +19,10 @@ from shared.units import NS_PER_S
 from tests.waiting import DEADLINE_S, wait_for
 
 OBEDIENT = """
+import signal
 from shared.process import ExitCode, stop_on_signals
+# Whoever runs the tests by nohup ignores it, and so would this.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 with stop_on_signals() as stop:
     print("ready", flush=True)
     stop.wait()
@@ -102,7 +105,7 @@ def running(program: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_lets_the_program_close(number: signal.Signals) -> None:
     with running(OBEDIENT) as process:
         process.send_signal(number)

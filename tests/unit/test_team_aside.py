@@ -13,6 +13,7 @@ from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import NOTHING
 from command_post.fusion.team.solving import Solved, solve
+from shared.units import NS_PER_S
 from tests.stride_world import at_ns, installation, stride, track_start
 from tests.unit.test_team_tracker import peak_at
 
@@ -70,3 +71,13 @@ def test_what_was_found_by_passes_is_where_it_is_passed(known: bool) -> None:
     (told,) = places_of(solved, heights, {"dap1"})["dap1"]
     assert told.found != known
     assert (float(solved.assembled.aside_m2[0]) > 0.0) == known
+
+
+def test_a_dap_that_a_clock_put_right_sets_down_before_1970_is_shown() -> None:
+    log, _, _ = passed_often(2)
+    log.daps["dap1"] = [each._replace(time_ns=-2 * NS_PER_S) for each in log.daps["dap1"]]
+    until_ns = at_ns(100.0)
+    solved = solve(log, until_ns, NOTHING, NO_AXIS, SETTINGS, 20)
+    assert solved is not None
+    heights = solve_heights(log, solved.assembled, until_ns, SETTINGS)
+    assert daps_of(log, solved, heights)["dap1"].installed_ns == -2 * NS_PER_S

@@ -23,8 +23,8 @@ def daps_of(log: TeamLog, solved: Solved, heights: Heights) -> dict[str, Install
     newest: dict[str, tuple[int, int]] = {}
     for place, place_id in enumerate(solved.assembled.places):
         if place_id[0] == "dap":
-            dap_id, installed_ns = place_id[1], int(place_id[2])
-            newest[dap_id] = max(newest.get(dap_id, (-1, -1)), (installed_ns, place))
+            dap_id, set_down = place_id[1], (int(place_id[2]), place)
+            newest[dap_id] = max(newest.get(dap_id, set_down), set_down)
     found = {}
     for dap_id, (installed_ns, place) in newest.items():
         installed = next(each for each in log.daps[dap_id] if each.time_ns == installed_ns)
