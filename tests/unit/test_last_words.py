@@ -8,7 +8,7 @@ from shared.messages import Beat
 
 def beat(last_number: int, acknowledged: int) -> Beat:
     return Beat(
-        event_time_ns=0, sequence=0, run=bytes(16), last_number=last_number, kept_from=1,
+        event_time_ns=0, sequence=0, run="0" * 16, last_number=last_number, kept_from=1,
         acknowledged=acknowledged,
     )  # fmt: skip
 
