@@ -304,7 +304,7 @@ def _wait_until_safe(bus: Bus, children: Children, stop: Event, say: Callable[[s
             return True
         if waited_s > SAFE_SOON_S and not told:
             told = True
-            say("the post is behind; waiting until it has all that was said")
+            say("the post is behind, and waited for; give a lower --speed on this machine")
         if stop.wait(POLL_S):
             return False
     return True
