@@ -40,7 +40,7 @@ from shared.process import ExitCode
 from shared.sender import Sender
 from shared.simulation.barometer import BarometerSettings
 from shared.simulation.boot_imu import simulate_boot_imu
-from shared.simulation.scenario import Move, Ride, Stand
+from shared.simulation.legs import Move, Ride, Stand
 from tests.simulated_walks import lone_walk
 from tests.synthetic_boot import SyntheticWalk
 
