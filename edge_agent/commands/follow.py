@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from itertools import dropwhile
 from pathlib import Path
@@ -30,19 +30,15 @@ from edge_agent.sources.opening import open_source
 from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
 from edge_agent.supply_gauge import SupplyGauge
-from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import Clock, PacedClock, SystemClock
+from shared.clock import Clock
 from shared.codec import Refusal, decode, parse_key
 from shared.config import ConfigError
 from shared.exercise import await_exercise
 from shared.files import FileHeldError
 from shared.gate import Gate
-from shared.introductions import Introductions
 from shared.kept_stations import KeptStations
-from shared.messages import LocalPosition, Mayday, NodeId, TrackStart
-from shared.node import Node
-from shared.node_time import NodeTime
-from shared.outbox import JournalledOutbox
+from shared.messages import LocalPosition, Mayday, TrackStart
+from shared.node import Node, linked
 from shared.process import (
     ExitCode,
     ended_by_signals,
@@ -113,50 +109,48 @@ def run(
 
     """
     try:
-        incident, responder_id, bundle = itself.incident, itself.responder_id, itself.open_keys()
+        bundle = itself.open_keys()
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
             follower = prepared_mount(
                 worn.mount, worn.method, told=worn.told, driven_speed_m_s=worn.driven_speed
             )
         opened = open_source(
-            source, responder_id, seed, worn.mount, bundle, hears_daps=has.daps > 0
+            source, itself.responder_id, seed, worn.mount, bundle, hears_daps=has.daps > 0
         )
         known_point, place = beginning.known_point, beginning.place or opened.start
-        radios, kept = open_radios(has.radio, "--radio"), itself.journal_file
+        radios = open_radios(has.radio, "--radio")
         with (
             stop_on_signals() as stop,
             set_by_button() as acknowledged,
-            JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
-            open_zenoh("client", connect=itself.dialled(bundle), bundle=bundle) as bus,
-            Introductions(bus, incident, bundle) as introductions,
+            linked(
+                itself.identity,
+                itself.incident,
+                bundle,
+                itself.journal_file,
+                stop,
+                connect=itself.dialled(bundle),
+            ) as node,
         ):
             if with_parent:
                 stop_with_parent(stop)
-            node = Node(
-                bus, incident, "responder", responder_id, outbox, introductions.signers,
-                PacedClock(SystemClock()), SystemClock().now_ns(), stop,
-            )  # fmt: skip
             drop_desk = _drop_desk(node.sender(), has.daps)
             agent = _agent(node, follower, worn, place, known_point, imu=imu, drop_desk=drop_desk)
-            bus.answer(node.sender().key(TrackStart), lambda _: agent.start_payload)
+            node.bus.answer(node.sender().key(TrackStart), lambda _: agent.start_payload)
             with (
-                NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
-                node.heartbeat(node_time.statement, SupplyGauge(has.supplies)),
-                _order_desk(node, itself.post_id, acknowledged, node_time),
-                _mayday_desk(node, itself.post_id, kept, has.button, opened.controls),
-                RadioDesk(node, radios, KeptStations(kept), has.radio_offset, drop_desk),
-                nullcontext()
-                if drop_desk is None
-                else SiteDesk(node, itself.post_id, drop_desk, node_time.post_time_ns),
+                _orders_heeded(node, itself, acknowledged, drop_desk, has.supplies),
+                _mayday_desk(node, itself, has.button, opened.controls),
+                RadioDesk(
+                    node, radios, KeptStations(itself.journal_file), has.radio_offset, drop_desk
+                ),
             ):
-                bus.declare_alive(alive_key(incident, "responder", responder_id))
+                node.bus.declare_alive(alive_key(node.incident, node.role, node.node_id))
                 if await_start:
                     _take_part(node, agent, opened)
                 else:
                     _play(node, agent, opened, speed)
-                bus.ask_no_more()
-            tell_losses(agent, follower.faults, bus.unsent)
+                node.bus.ask_no_more()
+            tell_losses(agent, follower.faults, node.bus.unsent)
     except (SourceError, ConfigError, ValueError, FileHeldError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
@@ -185,19 +179,30 @@ def _drop_desk(sender: Sender, daps: int) -> DropDesk | None:
     return DropDesk(sender, daps, tell_wearer_to_set_down) if daps else None
 
 
-def _order_desk(node: Node, post_id: NodeId, acknowledged: Event, node_time: NodeTime) -> OrderDesk:
-    """Return where the orders of the post ``post_id`` come in."""
-    return OrderDesk(
-        node.bus, node.incident, OrderBook(node.node_id, post_id), node.sender(),
-        Gate(node.verifier), node.clock, acknowledged, tell_wearer, node_time.post_time_ns,
-    )  # fmt: skip
+@contextmanager
+def _orders_heeded(
+    node: Node, itself: UnitItself, acknowledged: Event, drop_desk: DropDesk | None,
+    supplies: Path | None,
+) -> Iterator[None]:  # fmt: skip
+    """Have the unit's heart beat, and heed what its post orders, by the time that it is there."""
+    with (
+        node.beating(itself.journal_file, SupplyGauge(supplies)) as node_time,
+        OrderDesk(
+            node.bus, node.incident, OrderBook(node.node_id, itself.post_id), node.sender(),
+            Gate(node.verifier), node.clock, acknowledged, tell_wearer, node_time.post_time_ns,
+        ),
+        nullcontext()
+        if drop_desk is None
+        else SiteDesk(node, itself.post_id, drop_desk, node_time.post_time_ns),
+    ):  # fmt: skip
+        yield
 
 
 def _mayday_desk(
-    node: Node, post_id: NodeId, journal: Path, button: Path | None, others: Sequence[Control]
+    node: Node, itself: UnitItself, button: Path | None, others: Sequence[Control]
 ) -> MaydayDesk:
     """Return where the wearer calls for help; a call that a kill broke off goes on."""
-    call, sender = MaydayCall(node.node_id, post_id), node.sender()
+    call, sender = MaydayCall(node.node_id, itself.post_id), node.sender()
     said = node.outbox.newest(sender.key(Mayday)) if node.outbox.broken_off else None
     key = parse_key(sender.key(Mayday))
     if said is not None and not isinstance(key, Refusal):
@@ -207,7 +212,7 @@ def _mayday_desk(
     controls = [*others, *([] if button is None else [InputButton(button)])]
     # Where there is no such socket (Windows) there is the button alone.
     if hasattr(socket, "AF_UNIX"):
-        controls.append(UnitSocket(socket_path(journal)))
+        controls.append(UnitSocket(socket_path(itself.journal_file)))
     return MaydayDesk(
         node.bus, node.incident, call, sender, Gate(node.verifier), node.clock, controls,
         node.bus.connected,
