@@ -93,7 +93,6 @@ class Recorder:
         path: Path,
         metadata: Mapping[str, str],
         *,
-        replace: bool = False,
         resume: bool = False,
         mirror: Mirror | None = None,
         rotation: Rotation | None = None,
@@ -103,9 +102,7 @@ class Recorder:
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         """Begin the recording, or go on with it. Raises ``RecorderError`` as ``RecordingFile``."""
-        self._file = RecordingSet(
-            path, metadata, replace=replace, resume=resume, mirror=mirror, rotation=rotation
-        )
+        self._file = RecordingSet(path, metadata, resume=resume, mirror=mirror, rotation=rotation)
         self.unfinished = where_part_is(path, 1) if self._file.is_resumed else None
         """Where the recording is that it goes on with, if so: to be read before anything is put."""
 
