@@ -96,7 +96,6 @@ def test_one_that_weighs_likelihoods_also_says_how_near_and_how_sure() -> None:
         for scan in scans(0.2, 5.0, r1=-36.0):
             site.node.take(scan)
         entered, *_ = site.said(ProximityEvent)
-    assert isinstance(entered, ProximityEvent)
     assert entered.near_log_odds is not None
     assert entered.near_log_odds >= settings.proximity.range.enter_log_odds
     assert entered.range_m is not None
