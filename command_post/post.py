@@ -23,7 +23,7 @@ from command_post.desks.site_desk import SiteDesk
 from command_post.going_on import GoingOn, Guest, Guests
 from command_post.incident import Incident
 from command_post.last_messages import LastMessages
-from command_post.metrics.figures import Figures, by_reason
+from command_post.metrics.figures import figures_of
 from command_post.metrics.prometheus import Metrics
 from command_post.nodes.freshness import NodeWatch
 from command_post.nodes.notice_log import log_notices
@@ -55,7 +55,6 @@ from shared.topics import (
     everything_of,
     time_key,
 )
-from shared.units import NS_PER_S
 
 INBOX_MESSAGES = 200_000
 INBOX_BYTES = 64 << 20
@@ -262,27 +261,12 @@ class Post:
         self._show(roster)
         self._guests.show(roster)
         if self._metrics is not None:
-            self._metrics.show(self._figures(roster))
+            figures = figures_of(
+                roster, self._incident, self._gate, self._reception, self._inbox, self._recorder
+            )
+            self._metrics.show(figures)
         for stranger in self._strangers.noticed(self._at_links, self._gate.turned):
             self._take_own(*stranger_message(stranger, self._incident, roster.now_ns))
-
-    def _figures(self, roster: Roster) -> Figures:
-        estimates = self._incident.estimates.items()
-        return Figures(
-            roster=roster,
-            heard=self._reception.heard.copy(),
-            turned_away=by_reason(self._gate.turned.items()),
-            refused=by_reason(self._incident.refusals.items()),
-            not_heard=by_reason(self._inbox.lost().items()),
-            only_counted=self._reception.only_counted.total(),
-            waiting=len(self._inbox),
-            recorder=self._recorder.status(),
-            fusion=self._incident.counts,
-            estimate_ages_s={
-                responder_id: (roster.now_ns - estimate.time_ns) / NS_PER_S
-                for responder_id, estimate in estimates
-            },
-        )
 
     def _give_receipts(self) -> None:
         with self._reception.at_gate:
