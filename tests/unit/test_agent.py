@@ -13,7 +13,7 @@ from structlog.testing import capture_logs
 
 from edge_agent.__main__ import app
 from edge_agent.agent import NOT_KEPT, Agent
-from edge_agent.commands.follow import tell_losses
+from edge_agent.following import tell_losses
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import make_mount
 from edge_agent.sources.opening import open_source
