@@ -244,7 +244,7 @@ def _wait_until_alive(settings: DemoSettings, bus: Bus, children: Children, stop
         lambda key, is_alive: alive.add(key) if is_alive else alive.discard(key),
     )
     clock = SystemClock()
-    deadline_ns = clock.now_ns() + round(READY_TIMEOUT_S * 1e9)
+    deadline_ns = clock.now_ns() + round(READY_TIMEOUT_S * NS_PER_S)
     while not expected <= alive:
         _check(children, children.names())
         if clock.real_seconds_until(deadline_ns) < 0.0:

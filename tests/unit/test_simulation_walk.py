@@ -6,16 +6,9 @@ import numpy as np
 import pytest
 
 from shared.simulation.installation import REACH_M, installation_truth
+from shared.simulation.legs import Climb, Gait, Move, Ride
 from shared.simulation.plan import Room
-from shared.simulation.scenario import (
-    SCENARIOS,
-    Climb,
-    Gait,
-    Move,
-    Ride,
-    Scenario,
-    load_scenario,
-)
+from shared.simulation.scenario import SCENARIOS, Scenario, load_scenario
 from shared.simulation.walker import Walk, simulate_walk
 from tests.simulated_walks import gait_walk, lone_walk
 
