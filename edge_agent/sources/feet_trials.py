@@ -15,8 +15,8 @@ import structlog
 
 from edge_agent.evaluation.course_truth import Waypoints, out_along, stances_between
 from edge_agent.mounts.boot_eskf import EskfBootMount
-from edge_agent.sources.npz_set import FLIGHT_RATE_HZ, flights_of, read_npz_set, refuse_other_units
-from edge_agent.sources.recording import Array, Recording, SourceError
+from edge_agent.sources.npz_set import FLIGHT_RATE_HZ, SENSORS, flights_of, read_npz_set
+from edge_agent.sources.recording import Array, Recording, SourceError, refuse_other_units
 from shared.npz_file import NpzFileError, array_names, array_of, load_npz
 from shared.units import NS_PER_S
 
@@ -111,7 +111,7 @@ def _read(path: Path, side: Side) -> _Foot:
         flights = flights_of(path, arrays, side, time_s)
     except NpzFileError as error:
         raise SourceError(str(error)) from error
-    refuse_other_units(path, force_m_s2, rate_rad_s)
+    refuse_other_units(path, force_m_s2, rate_rad_s, SENSORS)
     taken_s = np.linspace(time_s[0], time_s[-1], count)
     samples = Recording(np.round(NS_PER_S * taken_s).astype(np.int64), force_m_s2, rate_rad_s)
     return _Foot(samples, stances_between(time_s[0] + flights / FLIGHT_RATE_HZ))
