@@ -120,13 +120,17 @@ def refuse_other_units(
             f"{path}: {force} mostly reads {median_m_s2:.3g}, which is no gravity in m/s²: give "
             "specific force, gravity in it, in that unit"
         )
-    if rate_rad_s is None:
-        return
+    if rate_rad_s is not None:
+        refuse_other_rates(path, rate_rad_s, rate)
+
+
+def refuse_other_rates(path: Path, rate_rad_s: Array, name: str) -> None:
+    """Refuse rates (n, 3), called ``name`` in the file, that nothing worn turns at, or none."""
     rates = np.abs(rate_rad_s[np.isfinite(rate_rad_s).all(axis=1)])
     if not rates.size:
-        raise SourceError(f"{path}: {rate} holds no reading; leave it out, or export it again")
+        raise SourceError(f"{path}: {name} holds no reading; leave it out, or export it again")
     if float(np.percentile(rates.max(axis=1), 90.0)) > FASTEST_RAD_S:
-        raise SourceError(f"{path}: {rate} turns faster than anything worn: is it in °/s?")
+        raise SourceError(f"{path}: {name} turns faster than anything worn: is it in °/s?")
 
 
 def at_times(time_s: Array, own_s: Array, readings: Array, within_s: float = math.inf) -> Array:
