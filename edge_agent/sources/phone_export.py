@@ -245,11 +245,8 @@ def _table(path: Path, export: Export, name: str) -> _Table:
         text = decoded(file.read_bytes())
         delimiter = delimiter_of(text.partition("\n")[0])
         rows = [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if row]
-    except (
-        OSError, zipfile.BadZipFile, zlib.error, csv.Error,
-        # Encrypted, or packed in a way that is not known.
-        RuntimeError, NotImplementedError,
-    ) as error:  # fmt: skip
+    except (OSError, zipfile.BadZipFile, zlib.error, csv.Error, RuntimeError) as error:
+        # A RuntimeError is of a .zip that is encrypted, or packed in an unknown way.
         raise SourceError(f"{path}: {name} cannot be read ({error}); export it again") from None
     return _Table(rows, delimiter, ended=text.endswith(("\n", "\r")))
 

@@ -161,6 +161,7 @@ class PhoneServer:
         async for part in request.stream():
             body += part
             if len(body) > MOST_BYTES:
+                _log.warning("a phone's message is refused: too much at once")
                 return PlainTextResponse("too much at once: send it more often", 413)
         try:
             self._take(bytes(body))
