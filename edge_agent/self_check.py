@@ -38,9 +38,11 @@ class SelfCheckSettings(NamedTuple):
 
     A sensor stands still while rates scatter by less than ``still_rad_s`` and force by less than
     ``still_m_s2``. A flat top is ``flat_samples`` of the same reading beyond ``high_m_s2`` or
-    ``high_rad_s``. ``nominal_rate_hz`` is what the sensor ought to run at, if that is known.
-    ``bears_c`` is what most sensors are made for, ``near_c`` how near that a warning is given;
-    ``drift_c_min`` is how fast a temperature changes that takes the gyro's bias along.
+    ``high_rad_s``. Whatever carries a sensor, in a second its largest reading of force is
+    ``least_m_s2`` or more, and none reads a rate above ``most_rad_s``. ``nominal_rate_hz`` is what
+    the sensor ought to run at, if that is known. ``bears_c`` is what most sensors are made for,
+    ``near_c`` how near that a warning is given; ``drift_c_min`` is how fast a temperature changes
+    that takes the gyro's bias along.
     """
 
     period_s: float = 10.0
@@ -59,6 +61,8 @@ class SelfCheckSettings(NamedTuple):
     gravity_m_s2: float = 9.81
     gravity_off_m_s2: tuple[float, float] = (0.4, 1.2)
     stuck_blocks: int = 3
+    least_m_s2: float = 3.0
+    most_rad_s: float = 40.0
     moving_m_s2: float = 1.0
     moving_rad_s: float = 0.3
     long_swing_s: float = 3.0
@@ -176,7 +180,10 @@ class SelfCheck:
         )
         values = chain.from_iterable((*one.force_m_s2, *one.rate_rad_s) for one in samples)
         readings = np.fromiter(values, np.float64, 6 * len(samples)).reshape(-1, 6)
-        readings = readings[(np.abs(readings) <= LARGEST_READING).all(axis=1)]
+        sound = np.abs(readings) <= LARGEST_READING
+        whole = sound.all(axis=1)
+        # Without a gyroscope there are forces to look at.
+        readings = readings[whole if whole.any() else sound[:, :3].all(axis=1)]
         if not len(readings):
             readings = np.full((1, 6), np.nan)
         missing, rate_hz = _pace(np.diff([one.time_ns for one in samples]) / NS_PER_S)
@@ -216,6 +223,7 @@ class SelfCheck:
     def _findings(self) -> tuple[_Finding, ...]:
         found = [
             *self._of_stream(),
+            *self._of_units(),
             *self._of_axes(),
             *self._of_range(),
             *self._of_calibration(),
@@ -255,6 +263,23 @@ class SelfCheck:
             return []
         words = f"{sensor} reads {rate_hz:.1f} times a second, not {nominal_hz:.0f}: set it up"
         return [_Finding("warning", words)]
+
+    def _of_units(self) -> list[_Finding]:
+        settings, sensor = self._settings, self._sensor
+        if len(self._blocks) < settings.stuck_blocks:
+            return []
+        recent = list(self._blocks)[-settings.stuck_blocks :]
+        largest = np.array([np.maximum(-block.low, block.high) for block in recent])
+        force_m_s2, rate_rad_s = largest[:, :3].max(axis=1), largest[:, 3:].max(axis=1)
+        found = []
+        if (force_m_s2 < settings.least_m_s2).all():
+            found.append(_Finding("fault", f"{sensor} tells forces in g: set it to m/s²"))
+        if (rate_rad_s > settings.most_rad_s).all():
+            found.append(_Finding("fault", f"{sensor} tells turns in °/s: set it to rad/s"))
+        if (np.isnan(rate_rad_s) & ~np.isnan(force_m_s2)).all():
+            words = f"{sensor} tells no turns: steps count, but nobody knows where they lead"
+            found.append(_Finding("warning", words))
+        return found
 
     def _of_axes(self) -> list[_Finding]:
         settings, sensor = self._settings, self._sensor

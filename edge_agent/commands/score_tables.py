@@ -11,7 +11,7 @@ from edge_agent.evaluation.score_card import METRICS, ScoreCard
 from shared.maths.statistics import Summary
 from shared.messages import Mount
 
-PIPED_WIDTH = 200
+PIPED_WIDTH = 240
 """Columns when standard output is no terminal: nothing may be cut off."""
 
 WHOLE_FROM = 10_000.0
@@ -40,6 +40,8 @@ _HEADINGS = {
     "steps_error_pct": "steps %",
     "steps_off": "steps off",
     "steps_exact_pct": "exact %",
+    "steps_as_feet_pct": "as feet %",
+    "marks_as_feet_pct": "marks as feet %",
     "speed_rmse_m_s": "speed m/s",
     "speed_live_rmse_m_s": "speed live m/s",
     "realignment_s": "re-aligned s",
@@ -120,6 +122,8 @@ def _trials(card: ScoreCard, told: list[str], title: str) -> Table:
         "strides": "n_strides",
         "steps": "steps_true",
         "found": "steps_found",
+        "by feet": "steps_by_feet",
+        "odd marks": "contradictions",
         "slips": "slips",
     }
     counts = {heading: field for heading, field in fields.items() if _any(card, field)}

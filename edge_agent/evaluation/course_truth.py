@@ -21,12 +21,15 @@ ARRIVED_S = 2.0
 class StepCount:
     """Steps of both feet: ``count`` (k,) have been taken by ``time_s`` (k,), neither ever falling.
 
-    ``distance_m`` is the length of the way, where that is known.
+    ``distance_m`` is the length of the way, where that is known, ``by_feet`` how many steps sensors
+    on the feet tell, and ``contradictions`` how often one step counted cannot follow another.
     """
 
     time_s: Array
     count: Array
     distance_m: float | None = None
+    by_feet: int | None = None
+    contradictions: int | None = None
 
     @property
     def steps(self) -> int:

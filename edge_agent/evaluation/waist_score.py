@@ -30,7 +30,8 @@ def score_waist(
     """Return the score of steps against counted landings, or of the way against ``Waypoints``.
 
     Every step told counts, before the first landing and after the last as well. A counted course
-    of known length leads out and back, so that the way is scored by its closure, too.
+    of known length leads out and back, so that the way is scored by its closure, too. Steps told,
+    and steps counted, are compared with those that sensors on the feet tell.
     """
     if not increments:
         return failed_trial(name, group, truth, "no steps found")
@@ -56,10 +57,14 @@ def _with_landings(
         steps_true=truth.steps,
         steps_found=found,
         steps_off=float(found - truth.steps),
-        steps_exact_pct=100.0 if found == truth.steps else 0.0,
+        steps_exact_pct=_same_pct(found, truth.steps),
         steps_error_pct=100.0 * (found / truth.steps - 1.0) if truth.steps else None,
         missed_stances_pct=100.0 * (1.0 - matched / truth.steps) if truth.steps else None,
         false_stances_pct=100.0 * (1.0 - matched / found) if found else None,
+        steps_by_feet=truth.by_feet,
+        contradictions=truth.contradictions,
+        steps_as_feet_pct=_same_pct(found, truth.by_feet),
+        marks_as_feet_pct=_same_pct(truth.steps, truth.by_feet),
     )
     if truth.distance_m is None:
         return row
@@ -70,6 +75,11 @@ def _with_landings(
         distance_error_pct=100.0 * (told_m / truth.distance_m - 1.0),
         closure_2d_m=closure(estimated_path(increments)).closure_2d_m,
     )
+
+
+def _same_pct(told: int, true: int | None) -> float | None:
+    """Return 100 or 0, so that the mean over trials is the share of those told exactly."""
+    return None if true is None else 100.0 * (told == true)
 
 
 def _matched(ended_s: Array, landed_s: Array) -> int:

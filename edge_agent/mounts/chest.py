@@ -115,6 +115,9 @@ class ChestMount:
             last, since_s = None, 0.0
         if has_gyro(sample):
             self._heading.take(sample, since_s)
+        else:
+            # Nobody knows how the wearer turned meanwhile.
+            self._gap_s += since_s
         force_m_s2 = math.hypot(*sample.force_m_s2)
         before_m_s2 = force_m_s2 if last is None else math.hypot(*last.force_m_s2)
         before_ns = sample.time_ns if last is None else last.time_ns

@@ -6,17 +6,23 @@ Of the foot itself that is no truth; of the other foot, and of the trunk between
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import structlog
+from numpy.typing import NDArray
 
-from edge_agent.evaluation.course_truth import Waypoints, out_along, stances_between
+from edge_agent.evaluation.course_truth import StepCount, Waypoints, out_along, stances_between
 from edge_agent.mounts.boot_eskf import EskfBootMount
-from edge_agent.sources.npz_set import FLIGHT_RATE_HZ, flights_of, read_npz_set, refuse_other_units
-from edge_agent.sources.recording import Array, Recording, SourceError
+from edge_agent.mounts.interface import Increment
+from edge_agent.sources.npz_set import FLIGHT_RATE_HZ, SENSORS, flights_of, read_npz_set
+from edge_agent.sources.recording import Array, Recording, SourceError, refuse_other_units
 from shared.npz_file import NpzFileError, array_names, array_of, load_npz
 from shared.units import NS_PER_S
 
@@ -26,6 +32,12 @@ SIDES: tuple[Side, Side] = ("left", "right")
 
 MOST_LOST_SHARE = 0.005
 """Of a foot's samples, which have no stamps of their own: when more were lost nobody knows."""
+
+LEAST_STEP_M = 0.1
+"""A foot that is set down nearer to where it stood has shifted its weight."""
+
+RESTED_S = 1.3
+"""After so long a walk has been interrupted."""
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -42,6 +54,7 @@ class _Pair(NamedTuple):
 
     feet: dict[Side, _Foot]
     ways: dict[Side, Waypoints]
+    steps: int
 
 
 def has_feet(path: Path) -> bool:
@@ -79,18 +92,51 @@ def trunk_between(path: Path) -> tuple[Recording, Waypoints]:
     return read_npz_set(path).recording, Waypoints(stood_s, between_m)
 
 
+def checked_by_feet(path: Path, counted: StepCount) -> StepCount:
+    """Return steps counted by marks on the feet with what tells whether the marks are right.
+
+    What the feet's own sensors tell as boots, if no samples of them are lost; and how often the
+    marks have both feet in the air, or one fly twice without a rest while the other stands.
+    Raises ``SourceError`` for marks that are none.
+    """
+    try:
+        arrays = load_npz(path)
+        time_s = read_npz_set(path).recording.time_ns / NS_PER_S
+        flights = {side: flights_of(path, arrays, side, time_s) for side in SIDES}
+    except NpzFileError as error:
+        raise SourceError(str(error)) from error
+    try:
+        by_feet = _pair(path).steps
+    except SourceError:
+        by_feet = None
+    return replace(counted, by_feet=by_feet, contradictions=_contradictions(flights))
+
+
+def _contradictions(flights: Mapping[Side, NDArray[np.int64]]) -> int:
+    """Return how many flights (k, 2) cannot follow the one before, of either foot."""
+    in_turn = sorted((*flight, side) for side in SIDES for flight in flights[side].tolist())
+    rested = RESTED_S * FLIGHT_RATE_HZ
+    return sum(
+        left < landed or (side == next_side and left - landed < rested)
+        for (_, landed, side), (left, _, next_side) in pairwise(in_turn)
+    )
+
+
 @lru_cache(maxsize=2)
 def _pair(path: Path) -> _Pair:
     feet = {side: _read(path, side) for side in SIDES}
-    return _Pair(feet, {side: _way(path, foot.samples) for side, foot in feet.items()})
+    strides = {side: _strides(path, foot.samples) for side, foot in feet.items()}
+    lengths_m = [math.hypot(*one.displacement_m[:2]) for side in SIDES for one in strides[side]]
+    steps = sum(length_m > LEAST_STEP_M for length_m in lengths_m)
+    return _Pair(feet, {side: out_along(told) for side, told in strides.items()}, steps)
 
 
-def _way(path: Path, samples: Recording) -> Waypoints:
+def _strides(path: Path, samples: Recording) -> list[Increment]:
     mount = EskfBootMount()
     increments = mount.steps(samples) + mount.finish()
     if not increments:
         raise SourceError(f"{path}: a foot in it makes no stride, which is no walk")
-    return out_along(increments)
+    return increments
 
 
 def _read(path: Path, side: Side) -> _Foot:
@@ -111,7 +157,7 @@ def _read(path: Path, side: Side) -> _Foot:
         flights = flights_of(path, arrays, side, time_s)
     except NpzFileError as error:
         raise SourceError(str(error)) from error
-    refuse_other_units(path, force_m_s2, rate_rad_s)
+    refuse_other_units(path, force_m_s2, rate_rad_s, SENSORS)
     taken_s = np.linspace(time_s[0], time_s[-1], count)
     samples = Recording(np.round(NS_PER_S * taken_s).astype(np.int64), force_m_s2, rate_rad_s)
     return _Foot(samples, stances_between(time_s[0] + flights / FLIGHT_RATE_HZ))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -20,6 +19,7 @@ from edge_agent.sources.recording import (
     Recording,
     SourceError,
     at_times,
+    refuse_other_units,
 )
 from edge_agent.sources.time_stamps import repaired
 from shared.npz_file import NpzFileError, array_of, load_npz
@@ -31,12 +31,7 @@ WAIST_COURSE_M = 20.0
 FLIGHT_RATE_HZ = 100.0
 """They are told by samples of this rate since the first, lost ones counted."""
 
-LEAST_GRAVITY_M_S2, MOST_GRAVITY_M_S2 = 3.0, 100.0
-"""The median of forces is in between, in m/s²: a runner's boot reads 22, and whatever is told in g
-or mg is not."""
-
-FASTEST_RAD_S = 40.0
-"""2300 °/s, beyond the range of the sensors in use: nobody turns so fast a tenth of the time."""
+SENSORS = ("acc_m_s2", "gyr_rad_s")
 
 BURSTS_SHARE = 0.05
 """Of samples with the stamp of the one before: so many come in bursts, fewer are passed over."""
@@ -81,7 +76,7 @@ def _read(path: Path, *, needs_gyro: bool) -> NpzSet:
     rate_rad_s = _at(path, arrays, ("t_gyr_s", "gyr_rad_s"), time_s)
     field_gauss = _at(path, arrays, ("t_mag_s", "mag_gauss"), time_s)
     force_m_s2 = array_of(path, arrays, "acc_m_s2", (count, 3))
-    refuse_other_units(path, force_m_s2, rate_rad_s)
+    refuse_other_units(path, force_m_s2, rate_rad_s, SENSORS)
     recording = Recording(
         np.round(time_s * NS_PER_S).astype(np.int64),
         force_m_s2,
@@ -103,25 +98,6 @@ def _stamped(recording: Recording) -> Recording:
     mended = repaired(since_s, np.hstack((recording.force_m_s2, recording.rate_rad_s)))
     time_ns = first_ns + np.round(mended.time_s * NS_PER_S).astype(np.int64)
     return replace(recording.rows(mended.rows), time_ns=time_ns)
-
-
-def refuse_other_units(path: Path, force_m_s2: Array, rate_rad_s: Array | None) -> None:
-    """Refuse forces that are not mostly some gravity, and rates that nothing worn turns at."""
-    with np.errstate(over="ignore"):
-        size_m_s2 = np.linalg.norm(force_m_s2[np.isfinite(force_m_s2).all(axis=1)], axis=1)
-    median_m_s2 = float(np.median(size_m_s2)) if size_m_s2.size else math.nan
-    if not LEAST_GRAVITY_M_S2 <= median_m_s2 <= MOST_GRAVITY_M_S2:
-        raise SourceError(
-            f"{path}: acc_m_s2 mostly reads {median_m_s2:.3g}, which is no gravity in m/s²: give "
-            "specific force, gravity in it, in that unit"
-        )
-    if rate_rad_s is None:
-        return
-    rates = np.abs(rate_rad_s[np.isfinite(rate_rad_s).all(axis=1)])
-    if not rates.size:
-        raise SourceError(f"{path}: gyr_rad_s holds no reading; leave it out, or export it again")
-    if float(np.percentile(rates.max(axis=1), 90.0)) > FASTEST_RAD_S:
-        raise SourceError(f"{path}: gyr_rad_s turns faster than anything worn: is it in °/s?")
 
 
 def _refuse_no_times(path: Path, name: str, time_s: Array) -> None:

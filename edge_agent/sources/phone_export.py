@@ -10,26 +10,46 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import structlog
 
 from edge_agent.gnss import SpeedReading, speed_reading
-from edge_agent.sources.recording import Array, Recording, SourceError, at_times
+from edge_agent.sources.recording import (
+    Array,
+    Recording,
+    SourceError,
+    at_times,
+    refuse_other_units,
+)
+from edge_agent.sources.text_table import decoded, delimiter_of, number_in
 from shared.units import NS_PER_S
 
 Export: TypeAlias = Path | zipfile.Path
 
 PASCAL_PER_HPA = 100.0
 XYZ = ("x", "y", "z")
+LATEST_ROW_NS = NS_PER_S
+"""A row that is written later than this after its time was not late: the clock was set back."""
+
+SHORTEST_PERIOD_S = 1e-4
+LATEST_NS = 2**62
+SILENT_S = 0.25
+"""So far from its readings a gyroscope is taken to have read nothing."""
+
 METADATA = "metadata.csv"
 EXPECTED = (
     "Accelerometer and Gravity (on Android TotalAcceleration), and Gyroscope; "
     "switch them on in the app and export as Zip"
 )
+
+_log = structlog.stdlib.get_logger(__name__)
 
 
 class _Sensor(NamedTuple):
@@ -37,6 +57,14 @@ class _Sensor(NamedTuple):
 
     time_ns: np.ndarray[tuple[int], np.dtype[np.int64]]
     readings: Array
+
+
+class _Table(NamedTuple):
+    """The cells of a file, what parts them, and whether its last row was ended."""
+
+    rows: list[list[str]]
+    delimiter: str
+    ended: bool
 
 
 def read_phone_export(path: Path, *, needs_gyro: bool = True) -> Recording:
@@ -49,22 +77,46 @@ def read_phone_export(path: Path, *, needs_gyro: bool = True) -> Recording:
     export = _opened(path)
     force = _force(path, export)
     time_s = (force.time_ns - force.time_ns[0]) / NS_PER_S
-    rate = _sensor(path, export, "Gyroscope", XYZ)
-    if rate is None and needs_gyro:
+    if float(np.median(np.diff(time_s))) < SHORTEST_PERIOD_S:
+        raise SourceError(
+            f"{path}: forces are {np.median(np.diff(force.time_ns)):.0f} ns apart, which no phone "
+            "reads: times are to be nanoseconds, as the app writes them; export it again"
+        )
+
+    def at_force(sensor: _Sensor, within_s: float = math.inf) -> Array:
+        own_s = (sensor.time_ns - force.time_ns[0]) / NS_PER_S
+        return at_times(time_s, own_s, sensor.readings, within_s)
+
+    gyro = _sensor(path, export, "Gyroscope", XYZ)
+    rate_rad_s = None if gyro is None else at_force(gyro, SILENT_S)
+    if rate_rad_s is None and needs_gyro:
         raise SourceError(f"{path}: no Gyroscope.csv in it; the app must record {EXPECTED}")
+    refuse_other_units(path, force.readings, rate_rad_s, ("the accelerometer", "Gyroscope.csv"))
+    _tell_silence(path, time_s, rate_rad_s)
     field = _sensor(path, export, "Magnetometer", XYZ)
     pressure = _sensor(path, export, "Barometer", ("pressure",))
-
-    def at_force(sensor: _Sensor) -> Array:
-        return at_times(time_s, (sensor.time_ns - force.time_ns[0]) / NS_PER_S, sensor.readings)
-
     return Recording(
         force.time_ns,
         force.readings,
-        np.full((len(time_s), 3), np.nan) if rate is None else at_force(rate),
+        np.full((len(time_s), 3), np.nan) if rate_rad_s is None else rate_rad_s,
         None if field is None else at_force(field),
         None if pressure is None else _set_down(pressure, force.time_ns),
     )
+
+
+def _tell_silence(path: Path, time_s: Array, rate_rad_s: Array | None) -> None:
+    """Say where the way will not be known for want of rates (n, 3)."""
+    if rate_rad_s is None:
+        _log.warning(f"{path}: no gyroscope in it: steps are counted, and lead anywhere")
+        return
+    silent = np.isnan(rate_rad_s).any(axis=1)
+    if silent.any():
+        _log.warning(
+            f"{path}: the gyroscope tells nothing of some samples: nobody knows how it turned",
+            samples=np.count_nonzero(silent),
+            of=len(time_s),
+            first_s=round(float(time_s[silent][0]), 3),
+        )
 
 
 def read_phone_speeds(path: Path) -> list[SpeedReading]:
@@ -93,8 +145,10 @@ def _opened(path: Path) -> Export:
     except FileNotFoundError:
         raise SourceError(f"{path}: no such folder or .zip; give the app's export") from None
     except (zipfile.BadZipFile, OSError) as error:
-        raise SourceError(f"{path}: not a folder, and no whole .zip ({error})") from None
-    inside = [entry for entry in root.iterdir() if entry.is_dir()]
+        raise SourceError(
+            f"{path}: not a folder, and no whole .zip ({error}); give the app's export whole"
+        ) from None
+    inside = [one for one in root.iterdir() if one.is_dir() and one.name != "__MACOSX"]
     return inside[0] if len(inside) == 1 and not (root / METADATA).exists() else root
 
 
@@ -117,7 +171,7 @@ def _force(path: Path, export: Export) -> _Sensor:
 
 def _force_sign(path: Path, export: Export) -> float:
     """Return −1 for a phone that reads gravity downwards: iOS, unless told to conform."""
-    rows = _rows(path, export, METADATA)
+    rows = _table(path, export, METADATA).rows
     if len(rows) < 2:
         raise SourceError(
             f"{path}: no {METADATA} that says what phone it was, which tells the sign of forces; "
@@ -130,35 +184,71 @@ def _force_sign(path: Path, export: Export) -> float:
 
 def _sensor(path: Path, export: Export, name: str, columns: Sequence[str]) -> _Sensor | None:
     """Return a sensor's file in the order of time; ``None`` if it was not recorded."""
-    rows = _rows(path, export, f"{name}.csv")
+    table = _table(path, export, f"{name}.csv")
+    rows = table.rows
     if not rows:
         return None
     header = [cell.strip().lower() for cell in rows[0]]
     missing = [column for column in ("time", *columns) if column not in header]
     if missing:
-        raise SourceError(f"{path}: {name}.csv has no column {', '.join(missing)}")
+        raise SourceError(
+            f"{path}: {name}.csv has no column {', '.join(missing)}; it has "
+            f"{', '.join(rows[0])[:200]}: export it again as the app writes it"
+        )
     time_at, *value_at = (header.index(column) for column in ("time", *columns))
-    try:
-        time_ns = np.array([int(row[time_at]) for row in rows[1:]], dtype=np.int64)
-        readings = np.array([[float(row[at]) for at in value_at] for row in rows[1:]])
-    except (ValueError, IndexError, OverflowError) as error:
-        raise SourceError(f"{path}: {name}.csv: {error}; correct or remove the row") from None
+    time_ns, readings = [], []
+    for number, row in enumerate(rows[1:], 2):
+        try:
+            told = [number_in(row[at], table.delimiter) for at in value_at]
+            time_ns.append(_whole(row[time_at]))
+        except (ValueError, IndexError) as error:
+            if number == len(rows) and not table.ended:
+                _log.warning(f"{path}: the last row of {name}.csv is cut off and left out")
+                break
+            why = f"only {len(row)} cells" if isinstance(error, IndexError) else str(error)
+            raise SourceError(
+                f"{path}: {name}.csv, row {number}: {why}; export it again, or remove the row"
+            ) from None
+        readings.append(told)
     if len(time_ns) < 2:
         return None
+    return _in_order(path, name, np.array(time_ns, dtype=np.int64), np.array(readings))
+
+
+def _in_order(
+    path: Path, name: str, time_ns: np.ndarray[tuple[int], np.dtype[np.int64]], readings: Array
+) -> _Sensor:
+    """Return a sensor's rows by time; refuse those of a clock that was set back."""
+    back_ns = -int(np.diff(time_ns).min())
+    if back_ns > LATEST_ROW_NS:
+        raise SourceError(
+            f"{path}: {name}.csv goes back in time by {back_ns / NS_PER_S:.1f} s: the phone's "
+            "clock was set back, or there are two recordings in it; give each part by itself"
+        )
     order = np.argsort(time_ns, kind="stable")
     return _Sensor(time_ns[order], readings[order])
 
 
-def _rows(path: Path, export: Export, name: str) -> list[list[str]]:
-    """Return the cells of a file; none if it is not there."""
+def _whole(cell: str) -> int:
+    """Return a time in nanoseconds; ``ValueError`` for one that a spreadsheet has rounded."""
+    if not cell.strip().isdecimal() or int(cell) > LATEST_NS:
+        raise ValueError(f"time {cell[:30]!r} is no whole number of nanoseconds since 1970")
+    return int(cell)
+
+
+def _table(path: Path, export: Export, name: str) -> _Table:
+    """Return the cells of a file; no rows if it is not there."""
     file = export / name
     if not file.is_file():
-        return []
+        return _Table([], ",", ended=True)
     try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, zipfile.BadZipFile) as error:
+        text = decoded(file.read_bytes())
+        delimiter = delimiter_of(text.partition("\n")[0])
+        rows = [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if row]
+    except (OSError, zipfile.BadZipFile, zlib.error, csv.Error, RuntimeError) as error:
+        # A RuntimeError is of a .zip that is encrypted, or packed in an unknown way.
         raise SourceError(f"{path}: {name} cannot be read ({error}); export it again") from None
-    return [row for row in csv.reader(io.StringIO(text)) if row]
+    return _Table(rows, delimiter, ended=text.endswith(("\n", "\r")))
 
 
 def _set_down(pressure: _Sensor, time_ns: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Array:

@@ -25,7 +25,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from edge_agent.gnss import SpeedReading
 from edge_agent.sources.phone_button import PhoneButton
-from edge_agent.sources.phone_stream import PhoneStream, decoded, speeds_of
+from edge_agent.sources.phone_stream import PhonePush, PhoneStream, decoded, speeds_of, unreadable
 from edge_agent.sources.reading import Quiet, Reading, Source
 from edge_agent.sources.recording import SourceError
 from shared.messages import ImuSample
@@ -34,7 +34,7 @@ from shared.units import NS_PER_S
 
 MOST_BYTES = 4_000_000
 MOST_WAITING = 10_000
-"""Readings that wait to be taken: more, and the newest are lost."""
+"""As long as so many readings wait to be taken, a message is to be sent again."""
 
 ASTRAY_NS = 2 * NS_PER_S
 """A phone whose newest reading is further from now has a clock of its own."""
@@ -75,7 +75,8 @@ class PhoneServer:
         """The page's mayday button."""
 
         self._ahead_ns = 0
-        self._readings: queue.Queue[ImuSample | SpeedReading] = queue.Queue(MOST_WAITING)
+        self._told_unreadable: set[str] = set()
+        self._readings: queue.Queue[ImuSample | SpeedReading] = queue.Queue()
 
     def readings(self) -> Iterator[Reading]:
         """Yield samples as they come, and from time to time that none did, until closed."""
@@ -102,7 +103,7 @@ class PhoneServer:
             self.button.route(f"{path}mayday"),
         ]
         return uvicorn.Config(
-            Starlette(routes=routes),
+            Starlette(routes=routes, exception_handlers={404: _astray}),
             log_config=None,
             access_log=False,
             lifespan="off",
@@ -121,8 +122,22 @@ class PhoneServer:
             self._ahead_ns = now_ns - newest_ns
 
     def _take(self, body: bytes | str) -> None:
-        """Take in a message; ``ValueError`` if it is none, ``queue.Full`` if there is no room."""
-        push = decoded(body)
+        """Take in a message, all of it or, with an error, nothing.
+
+        ``ValueError`` if it is none, ``queue.Full`` if there is no room.
+        """
+        try:
+            push = decoded(body)
+        except ValueError as error:
+            _log.warning("a phone's message is refused", why=str(error))
+            raise
+        if self._readings.qsize() >= MOST_WAITING:
+            _log.warning("a phone's message is refused: samples come faster than they are followed")
+            raise queue.Full
+        if not self._stream.is_next(push):
+            _log.warning("a phone's message comes twice, or after a later one: it is passed over")
+            return
+        self._tell_unreadable(push)
         if push.payload:
             self._set_clock(max(reading.time for reading in push.payload))
         for speed in speeds_of(push):
@@ -136,11 +151,17 @@ class PhoneServer:
             )
             self._readings.put_nowait(moved)
 
+    def _tell_unreadable(self, push: PhonePush) -> None:
+        for name in unreadable(push) - self._told_unreadable:
+            self._told_unreadable.add(name)
+            _log.warning("a phone's sensor tells no numbers x, y and z", sensor=name[:30])
+
     async def _push(self, request: Request) -> Response:
         body = bytearray()
         async for part in request.stream():
             body += part
             if len(body) > MOST_BYTES:
+                _log.warning("a phone's message is refused: too much at once")
                 return PlainTextResponse("too much at once: send it more often", 413)
         try:
             self._take(bytes(body))
@@ -184,6 +205,11 @@ def _listen(where: str) -> socket.socket:
         raise SourceError(
             f"phone-live:{where}: cannot listen ({error.strerror}); use another address or port"
         ) from None
+
+
+async def _astray(_: Request, __: Exception) -> Response:
+    words = "nobody listens at this address: open the one that the agent told as it started"
+    return PlainTextResponse(words, 404)
 
 
 async def _page(_: Request) -> Response:

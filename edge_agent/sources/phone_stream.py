@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import islice
 from typing import Annotated, NamedTuple
 
 import msgspec
@@ -21,6 +22,13 @@ from shared.units import NS_PER_S
 MOST_READINGS = 20_000
 PATIENCE_NS = 3 * NS_PER_S
 """A sensor that is so far behind the accelerometer is not waited for."""
+
+SILENT_NS = NS_PER_S // 4
+"""So far from its readings a gyroscope is taken to have read nothing."""
+
+FEWEST_TO_TIME = 10
+SHORTEST_PERIOD_NS = 100_000
+"""Readings that are nearer to each other are not told in nanoseconds."""
 
 TOTAL, MOVED, GRAVITY = "totalacceleration", "accelerometer", "gravity"
 RATE, FIELD = "gyroscope", "magnetometer"
@@ -37,10 +45,12 @@ class PhoneReading(msgspec.Struct, frozen=True):
     values: dict[str, object] = {}
 
 
-class PhonePush(msgspec.Struct, frozen=True):
-    """What a phone sends at once."""
+class PhonePush(msgspec.Struct, frozen=True, rename="camel"):
+    """What a phone sends at once: the ``message_id``-th of a session, if it counts."""
 
     payload: list[PhoneReading]
+    session_id: str = ""
+    message_id: int | None = None
 
 
 class _Read(NamedTuple):
@@ -61,6 +71,21 @@ class PhoneStream:
         }
         self._newest_ns: dict[str, int] = {}
         self._begin_ns: int | None = None
+        self._session_id = ""
+        self._message_id: int | None = None
+
+    def is_next(self, push: PhonePush) -> bool:
+        """Whether a message is later than all of its session so far; remember it, if it is.
+
+        Another has been taken already, or its readings are too late to be.
+        """
+        if push.session_id != self._session_id:
+            self._session_id, self._message_id = push.session_id, None
+        newest, told = self._message_id, push.message_id
+        if newest is not None and told is not None and told <= newest:
+            return False
+        self._message_id = told
+        return True
 
     def take(self, push: PhonePush) -> list[ImuSample]:
         """Take in a message; return what is complete by now."""
@@ -101,7 +126,8 @@ class PhoneStream:
             if gravity is None:
                 return None
             x, y, z = x + gravity[0], y + gravity[1], z + gravity[2]
-        rate, field = _at(self._read[RATE], time_ns), _at(self._read[FIELD], time_ns)
+        rate = _at(self._read[RATE], time_ns, SILENT_NS)
+        field = _at(self._read[FIELD], time_ns)
         return ImuSample(time_ns, (x, y, z), rate or WITHOUT_GYRO, field)
 
     def _awaits(self, name: str, force: str) -> bool:
@@ -114,9 +140,26 @@ class PhoneStream:
 def decoded(body: bytes | str) -> PhonePush:
     """Return the message in ``body``; raise ``ValueError`` if it is none."""
     try:
-        return msgspec.json.decode(body, type=PhonePush)
+        push = msgspec.json.decode(body, type=PhonePush)
     except (msgspec.DecodeError, RecursionError) as error:
         raise ValueError(f"not a phone's message: {error}") from None
+    for name in SENSORS:
+        times_ns = [reading.time for reading in push.payload if reading.name.lower() == name]
+        periods = len(times_ns) - 1
+        if periods < FEWEST_TO_TIME:
+            continue
+        if max(times_ns) - min(times_ns) < periods * SHORTEST_PERIOD_NS:
+            raise ValueError(
+                f"{name}: times are not in nanoseconds: use 'Sensor Logger' or our page"
+            )
+    return push
+
+
+def unreadable(push: PhonePush) -> set[str]:
+    """Return the sensors of which a message has readings, and none with numbers x, y and z."""
+    told = [reading for reading in push.payload if reading.name.lower() in SENSORS]
+    read = {reading.name for reading in told if _vector(reading.values) is not None}
+    return {reading.name for reading in told} - read
 
 
 def speeds_of(push: PhonePush) -> list[SpeedReading]:
@@ -140,11 +183,14 @@ def _vector(values: dict[str, object]) -> Vector3 | None:
         return None
 
 
-def _at(read: deque[_Read], time_ns: int) -> Vector3 | None:
-    """Return a sensor's vector at ``time_ns``, and forget what was before; ``None`` without one."""
+def _at(read: deque[_Read], time_ns: int, within_ns: int = PATIENCE_NS) -> Vector3 | None:
+    """Return a sensor's vector at ``time_ns``, and forget what was before.
+
+    ``None`` if nothing was read ``within_ns``.
+    """
     while len(read) > 1 and read[1].time_ns <= time_ns:
         read.popleft()
-    if not read or abs(read[0].time_ns - time_ns) > PATIENCE_NS:
+    if not any(abs(one.time_ns - time_ns) <= within_ns for one in islice(read, 2)):
         return None
     if len(read) == 1 or time_ns <= read[0].time_ns:
         return read[0].vector

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,6 +17,13 @@ from shared.messages import ImuSample, Vector3
 Array: TypeAlias = NDArray[np.float64]
 
 MICROTESLA_PER_GAUSS = 100.0
+
+LEAST_GRAVITY_M_S2, MOST_GRAVITY_M_S2 = 3.0, 100.0
+"""The median of forces is in between, in m/s²: a runner's boot reads 22, and whatever is told in g
+or mg is not."""
+
+FASTEST_RAD_S = 40.0
+"""2300 °/s, beyond the range of the sensors in use: nobody turns so fast a tenth of the time."""
 
 LARGEST_TIME_S = 9e9
 """Nanoseconds of more do not fit into 64 bits."""
@@ -96,10 +104,45 @@ class Recording:
         return map(_reading, column.tolist())
 
 
-def at_times(time_s: Array, own_s: Array, readings: Array) -> Array:
-    """Return a sensor's ``readings`` (k, c), read at ``own_s`` (k,), at ``time_s`` (n,): (n, c)."""
-    columns = [np.interp(time_s, own_s, column) for column in readings.T]
-    return np.column_stack(columns)
+def refuse_other_units(
+    path: Path, force_m_s2: Array, rate_rad_s: Array | None, names: tuple[str, str]
+) -> None:
+    """Refuse forces that are not mostly some gravity, and rates that nothing worn turns at.
+
+    ``names`` are what the file calls its accelerometer and its gyroscope.
+    """
+    force, rate = names
+    with np.errstate(over="ignore"):
+        size_m_s2 = np.linalg.norm(force_m_s2[np.isfinite(force_m_s2).all(axis=1)], axis=1)
+    median_m_s2 = float(np.median(size_m_s2)) if size_m_s2.size else math.nan
+    if not LEAST_GRAVITY_M_S2 <= median_m_s2 <= MOST_GRAVITY_M_S2:
+        raise SourceError(
+            f"{path}: {force} mostly reads {median_m_s2:.3g}, which is no gravity in m/s²: give "
+            "specific force, gravity in it, in that unit"
+        )
+    if rate_rad_s is not None:
+        refuse_other_rates(path, rate_rad_s, rate)
+
+
+def refuse_other_rates(path: Path, rate_rad_s: Array, name: str) -> None:
+    """Refuse rates (n, 3), called ``name`` in the file, that nothing worn turns at, or none."""
+    rates = np.abs(rate_rad_s[np.isfinite(rate_rad_s).all(axis=1)])
+    if not rates.size:
+        raise SourceError(f"{path}: {name} holds no reading; leave it out, or export it again")
+    if float(np.percentile(rates.max(axis=1), 90.0)) > FASTEST_RAD_S:
+        raise SourceError(f"{path}: {name} turns faster than anything worn: is it in °/s?")
+
+
+def at_times(time_s: Array, own_s: Array, readings: Array, within_s: float = math.inf) -> Array:
+    """Return a sensor's ``readings`` (k, c), read at ``own_s`` (k,), at ``time_s`` (n,): (n, c).
+
+    They are NaN where none was read ``within_s``.
+    """
+    found = np.column_stack([np.interp(time_s, own_s, column) for column in readings.T])
+    after = np.searchsorted(own_s, time_s).clip(1, len(own_s) - 1)
+    away_s = np.minimum(np.abs(own_s[after] - time_s), np.abs(time_s - own_s[after - 1]))
+    found[away_s > within_s] = np.nan
+    return found
 
 
 def _field(row: list[float]) -> Vector3 | None:

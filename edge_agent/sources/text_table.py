@@ -11,18 +11,18 @@ from edge_agent.sources.recording import SourceError
 def read_lines(path: Path) -> tuple[list[str], bool]:
     """Return the lines of a file, and whether the last one was ended.
 
-    UTF-8, UTF-16, or the code page of older Windows programs, whatever the file begins like.
     Raises ``SourceError`` if it cannot be read.
     """
     try:
         raw = path.read_bytes()
     except OSError as error:
         raise SourceError(f"{path}: cannot be read ({error.strerror}); give another") from None
-    text = _decoded(raw)
+    text = decoded(raw)
     return text.splitlines(), text.endswith(("\n", "\r"))
 
 
-def _decoded(raw: bytes) -> str:
+def decoded(raw: bytes) -> str:
+    """Return the text of a file, in UTF-8, UTF-16 or the code page of older Windows programs."""
     if raw[:2] in {codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE}:
         return raw.decode("utf-16", errors="replace")
     # A first letter that is one of ours, in two bytes.

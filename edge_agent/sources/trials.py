@@ -10,11 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from edge_agent.evaluation.course_truth import MountTruth
+from edge_agent.evaluation.course_truth import MountTruth, StepCount
 from edge_agent.evaluation.truth import Height, truth_of_stances
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.sources.feet_trials import (
     Side,
+    checked_by_feet,
     foot_beside,
     has_feet,
     trunk_between,
@@ -158,7 +159,10 @@ def _reader(path: Path, mount: MountName) -> Callable[[Path], TrialData] | None:
 
 
 def _read_npz(path: Path, *, needs_gyro: bool) -> TrialData:
-    return TrialData(*read_npz_set(path, needs_gyro=needs_gyro))
+    recording, truth = read_npz_set(path, needs_gyro=needs_gyro)
+    if isinstance(truth, StepCount) and has_feet(path):
+        truth = checked_by_feet(path, truth)
+    return TrialData(recording, truth)
 
 
 def _read_export(path: Path, *, needs_gyro: bool) -> TrialData:

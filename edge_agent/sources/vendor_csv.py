@@ -23,6 +23,7 @@ from edge_agent.sources.recording import (
     Array,
     Recording,
     SourceError,
+    refuse_other_rates,
 )
 from edge_agent.sources.text_table import cells_of, delimiter_of, number_in, read_lines
 from edge_agent.sources.time_stamps import repaired
@@ -156,7 +157,10 @@ def _find_header(path: Path, lines: list[str]) -> tuple[int, str]:
         if any(meaning is not None and meaning[0] != "time" for meaning in meanings):
             return at, delimiter
     found = repr(lines[0][:200]) if lines else "nothing"
-    raise SourceError(f"{path}: no header with inertial columns; found {found}, need {_EXPECTED}")
+    raise SourceError(
+        f"{path}: no header with inertial columns; found {found}, need {_EXPECTED}; "
+        "a phone's export is phone:FOLDER"
+    )
 
 
 def _meaning(header: str) -> tuple[str, str | None] | None:
@@ -314,7 +318,9 @@ def _rate_rad_s(path: Path, table: _Table) -> Array:
     if scale is None:
         degrees = np.nanmax(np.abs(readings)) > FASTEST_BOOT_RAD_S
         scale = _UNITS["rate"]["deg/s" if degrees else "rad/s"]
-    return readings * scale
+    rate_rad_s: Array = readings * scale
+    refuse_other_rates(path, rate_rad_s, table.columns["rate x"].header)
+    return rate_rad_s
 
 
 def _field_ut(table: _Table) -> Array | None:

@@ -136,14 +136,80 @@ def test_a_chest_may_do_without_a_gyroscope(android: Path) -> None:
         ("metadata.csv", "", "no metadata.csv that says"),
         ("TotalAcceleration.csv", "", "no Accelerometer.csv"),
         ("TotalAcceleration.csv", "time,x,y\n1,2,3\n", "has no column z"),
-        ("Gyroscope.csv", "time,x,y,z\n1,2,3,4\nx,2,3,4\n", "Gyroscope.csv: invalid literal"),
-        ("Gyroscope.csv", "time,x,y,z\n1,2,3,4\n2,2\n", "Gyroscope.csv: list index"),
+        ("Gyroscope.csv", "time,x,y,z\n1,2,3,4\nx,2,3,4\n", "row 3: time 'x' is no whole number"),
+        ("Gyroscope.csv", "time,x,y,z\n1.7E+18,2,3,4\n", "'1.7E.18' is no whole number"),
+        ("Gyroscope.csv", "time,x,y,z\n1,2,3,4\n2,2\n", "Gyroscope.csv, row 3: only 2 cells"),
+        ("Gyroscope.csv", "time,x,y,z\n5000000000,1,1,1\n9,1,1,1\n", "back in time by 5.0 s"),
+        ("Gyroscope.csv", f'time,x,y,z\n1,1,1,"{"1" * 200_000}', "cannot be read .*field limit"),
+        ("Gyroscope.csv", "time,x,y,z\n1,0,0,0\n2,0,0,0\n", "Gyroscope.csv holds no reading"),
+        (
+            "TotalAcceleration.csv",
+            "time,x,y,z\n" + "".join(f"{k}0000000,0.1,0.1,1\n" for k in range(9)),
+            "mostly reads 1.01, which is no gravity",
+        ),
+        (
+            "TotalAcceleration.csv",
+            "time,x,y,z\n" + "".join(f"{10 * k},0.1,0.1,9.8\n" for k in range(9)),
+            "10 ns apart",
+        ),
     ],
 )
 def test_what_is_broken_is_told(android: Path, name: str, text: str, told: str) -> None:
     (android / name).write_text(text)
     with pytest.raises(SourceError, match=told):
         read_phone_export(android)
+
+
+def test_rates_in_degrees_are_told(android: Path) -> None:
+    write(android, "Gyroscope.csv", sensor((one.time_ns, (60.0, 0.0, 0.0)) for one in samples()))
+    with pytest.raises(SourceError, match="is it in °/s"):
+        read_phone_export(android)
+
+
+def test_a_spreadsheet_may_have_written_it_its_own_way(android: Path) -> None:
+    as_exported = read_phone_export(android)
+    for name in ("TotalAcceleration.csv", "Gyroscope.csv"):
+        text = (android / name).read_text().replace(",", ";").replace(".", ",")
+        (android / name).write_text(text, encoding="utf-16")
+    written = read_phone_export(android)
+    assert np.array_equal(written.force_m_s2, as_exported.force_m_s2)
+    assert np.array_equal(written.rate_rad_s, as_exported.rate_rad_s)
+
+
+def test_a_last_row_that_is_cut_off_is_left_out(android: Path) -> None:
+    file = android / "TotalAcceleration.csv"
+    file.write_bytes(file.read_bytes()[:-30])
+    assert len(read_phone_export(android)) == len(samples()) - 1
+
+
+def test_nobody_knows_how_a_phone_turned_while_its_gyroscope_was_silent(android: Path) -> None:
+    walk = samples()
+    heard = [one for one in walk if not 4 * 10**9 <= one.time_ns - BEGIN_NS < 7 * 10**9]
+    write(android, "Gyroscope.csv", sensor((one.time_ns, one.rate_rad_s) for one in heard))
+    recording = read_phone_export(android)
+    silent = np.isnan(recording.rate_rad_s).any(axis=1)
+    assert np.count_nonzero(silent) == pytest.approx(250, abs=2)
+    mount = ChestMount()
+    told = mount.steps(recording) + mount.finish()
+    assert sum(one.steps for one in told) == 20
+    during = [BEGIN_NS + 4.4e9 < one.start_time_ns < BEGIN_NS + 6e9 for one in told]
+    turn_rad2 = np.array([one.covariance[-1] for one in told])
+    assert turn_rad2[during].min() > 10.0 * np.median(turn_rad2)
+
+
+@pytest.mark.parametrize("torn_at", [800, 3000])
+def test_a_zip_that_is_torn_inside_is_told(android: Path, tmp_path: Path, torn_at: int) -> None:
+    packed = tmp_path / "export.zip"
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in sorted(android.iterdir()):
+            archive.write(file, f"walk/{file.name}")
+        archive.writestr("__MACOSX/walk/._Gyroscope.csv", b"")
+    assert len(read_phone_export(packed)) == len(samples())
+    torn = bytearray(packed.read_bytes())
+    torn[torn_at : torn_at + 40] = bytes(40)
+    packed.write_bytes(torn)
+    with pytest.raises(SourceError, match="cannot be read"):
+        read_phone_export(packed)
 
 
 def test_what_is_no_export_is_told(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 from edge_agent.mayday_controls import Request
 from edge_agent.sources.opening import open_source
 from edge_agent.sources.phone_server import PhoneServer
+from edge_agent.sources.phone_stream import PhonePush
 from edge_agent.sources.reading import Quiet, Reading, Source
 from edge_agent.sources.recording import SourceError
 from shared.messages import ImuSample
@@ -61,6 +62,43 @@ def test_a_walk_is_pushed_and_dated_by_our_clock(
     assert found[199].time_ns == NOW_NS - 4_000_000
     times_ns = [one.time_ns - BEGIN_NS for one in samples]
     assert [one.time_ns - found[0].time_ns for one in found[:200]] == times_ns[:200]
+
+
+def test_a_message_sent_again_is_taken_once_and_a_torn_one_not_at_all(
+    server: PhoneServer, readings: Generator[Reading, None, None]
+) -> None:
+    samples = walk()[:1000]
+    for number, push in enumerate(batches(samples)):
+        body = msgspec.json.encode(PhonePush(push.payload, "walk", number))
+        assert ask(f"{server.url}push", body[:-1])[0] == 400
+        assert ask(f"{server.url}push", body) == (200, b"")
+        if number >= 10:
+            # Older than a clock that was set back might tell.
+            again = PhonePush(next(iter(batches(samples))).payload, "walk", 0)
+            assert ask(f"{server.url}push", msgspec.json.encode(again)) == (200, b"")
+    found = [one for one in islice(readings, len(samples)) if isinstance(one, ImuSample)]
+    assert isinstance(next(readings), Quiet)
+    assert [one.force_m_s2 for one in found] == [one.force_m_s2 for one in samples]
+
+
+def test_a_message_there_is_no_room_for_is_taken_when_it_comes_again(
+    server: PhoneServer,
+    readings: Generator[Reading, None, None],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    samples = walk()[:800]
+    first, second = (
+        msgspec.json.encode(PhonePush(push.payload, "walk", number))
+        for number, push in enumerate(batches(samples, size=400))
+    )
+    monkeypatch.setattr("edge_agent.sources.phone_server.MOST_WAITING", 10)
+    assert ask(f"{server.url}push", first)[0] == 200
+    assert ask(f"{server.url}push", second)[0] == 503
+    found = list(islice(readings, 400))
+    assert ask(f"{server.url}push", second)[0] == 200
+    found += islice(readings, 400)
+    forces = [one.force_m_s2 for one in found if isinstance(one, ImuSample)]
+    assert forces == [one.force_m_s2 for one in samples]
 
 
 def test_a_mayday_is_held_on_the_page_and_how_it_stands_is_told(
@@ -114,7 +152,8 @@ def test_the_page_is_given_to_who_knows_its_address(
     code, page = ask(server.url)
     assert code == 200
     assert b"devicemotion" in page
-    assert ask(server.url.replace("secret", "guess"))[0] == 404
+    code, words = ask(server.url.replace("secret", "guess"))
+    assert (code, words[:14]) == (404, b"nobody listens")
     assert ask(server.url.replace("secret", "guess") + "push", b"{}")[0] == 404
 
 

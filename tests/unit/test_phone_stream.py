@@ -17,6 +17,7 @@ from edge_agent.sources.phone_stream import (
     PhoneStream,
     decoded,
     speeds_of,
+    unreadable,
 )
 from shared.messages import ImuSample, Vector3
 from tests.bouncing_phone import Phone
@@ -110,6 +111,8 @@ def test_a_gyroscope_that_falls_silent_holds_nothing_up_for_long() -> None:
     begun, silent = samples[:500], samples[500:]
     found = streamed([*batches(begun), *batches(silent, gyro=False)])
     assert len(found) == len(samples)
+    # A quarter of a second after its last reading nobody knows how the phone turns.
+    assert sum(not math.isnan(one.rate_rad_s[0]) for one in found) == pytest.approx(525, abs=1)
 
 
 def test_a_clock_that_is_set_back_begins_anew() -> None:
@@ -130,6 +133,32 @@ def test_late_and_unknown_readings_are_passed_over() -> None:
         ]
     )
     assert streamed([*pushes, pushes[-1], strange]) == streamed(pushes)
+
+
+def test_a_message_that_comes_twice_or_too_late_is_not_the_next() -> None:
+    stream = PhoneStream()
+    told = (("a", 0), ("a", 1), ("a", 1), ("a", 3), ("a", 2), ("b", 0), ("b", 0), ("", None))
+    taken = [stream.is_next(PhonePush([], session, number)) for session, number in told]
+    assert taken == [True, True, False, True, False, True, False, True]
+    assert stream.is_next(PhonePush([]))
+
+
+def test_times_in_another_unit_are_told() -> None:
+    (push,) = batches(walk()[:50])
+    in_ms = [msgspec.structs.replace(one, time=one.time // 10**6) for one in push.payload]
+    with pytest.raises(ValueError, match="not in nanoseconds"):
+        decoded(msgspec.json.encode(PhonePush(in_ms)))
+    assert decoded(msgspec.json.encode(push)) == push
+
+
+def test_a_sensor_that_tells_no_numbers_is_found() -> None:
+    told = [
+        PhoneReading("gyroscope", BEGIN_NS, {"x": "0,1", "y": "0,1", "z": "0,1"}),
+        PhoneReading("Gravity", BEGIN_NS, {}),
+        reading("Gravity", BEGIN_NS, (0.0, 0.0, 9.8)),
+        PhoneReading("location", BEGIN_NS, {}),
+    ]
+    assert unreadable(PhonePush(told)) == {"gyroscope"}
 
 
 @given(st.binary(max_size=60) | st.text(max_size=60).map(str.encode))

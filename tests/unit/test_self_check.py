@@ -14,7 +14,7 @@ from edge_agent.mounts.interface import Faults, Increment
 from edge_agent.mounts.methods import make_mount
 from edge_agent.self_check import HealthReport, SelfCheck, SelfCheckSettings
 from edge_agent.sources.npz_set import read_npz_set
-from shared.messages import ImuSample, Mount
+from shared.messages import WITHOUT_GYRO, ImuSample, Mount
 from shared.units import NS_PER_S
 from tests.synthetic_boot import SyntheticWalk
 
@@ -87,6 +87,20 @@ def scaled(sample: ImuSample) -> ImuSample:
     return msgspec.structs.replace(sample, force_m_s2=(1.2 * x, 1.2 * y, 1.2 * z))
 
 
+def in_g(sample: ImuSample) -> ImuSample:
+    x, y, z = sample.force_m_s2
+    return msgspec.structs.replace(sample, force_m_s2=(x / 9.81, y / 9.81, z / 9.81))
+
+
+def in_degrees(sample: ImuSample) -> ImuSample:
+    x, y, z = map(math.degrees, sample.rate_rad_s)
+    return msgspec.structs.replace(sample, rate_rad_s=(x, y, z))
+
+
+def without_rates(sample: ImuSample) -> ImuSample:
+    return msgspec.structs.replace(sample, rate_rad_s=WITHOUT_GYRO)
+
+
 @pytest.mark.parametrize(
     ("spoil", "level", "words"),
     [
@@ -95,6 +109,9 @@ def scaled(sample: ImuSample) -> ImuSample:
         (clipped, "fault", "Boot turns are beyond the sensor's"),
         (biased, "warning", "Boot sensor turns by 3.0 °/s"),
         (scaled, "fault", "Boot sensor reads gravity as 11.8,"),
+        (in_g, "fault", "Boot sensor tells forces in g:"),
+        (in_degrees, "fault", "Boot sensor tells turns in °/s:"),
+        (without_rates, "fault", "Boot sensor tells no turns: steps"),
     ],
 )
 def test_a_spoilt_reading_is_found(spoil: object, level: str, words: str) -> None:

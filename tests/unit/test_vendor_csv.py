@@ -92,7 +92,7 @@ def test_units_are_read_from_the_header(csv: Path, maker: str) -> None:
     degrees = 1000.0 if "mdps" in rate else 1.0
     north = 200.0 if "mG" in field else 20_000.0 if "nT" in field else 0.2 if "Ga" in field else 20
     rows = [
-        ",".join(map(str, [k * 0.01 * per_s, 0, 0, -gravity, 57 * degrees, 0, 0, north, 0, 0]))
+        ",".join(map(str, [k * 0.01 * per_s, 0, 0, -gravity, 30 * degrees, 0, 0, north, 0, 0]))
         for k in range(3)
     ]
     if not field:
@@ -100,7 +100,7 @@ def test_units_are_read_from_the_header(csv: Path, maker: str) -> None:
     recording = read_vendor_csv(write(csv, ",".join(names), *rows))
     assert recording.time_ns.tolist() == [0, 10_000_000, 20_000_000]
     assert recording.force_m_s2[0, 2] == pytest.approx(-G)
-    expected = 57.0 if "rad" in rate else math.radians(57.0)
+    expected = 30.0 if "rad" in rate else math.radians(30.0)
     assert recording.rate_rad_s[0, 0] == pytest.approx(expected)
     if field:
         assert recording.field_ut is not None
@@ -212,6 +212,10 @@ BROKEN = {
     "no reading": (f"{X_IO}\n0,0,0,,0,0,1\n", "line 2: Gyroscope Z (deg/s) is ''"),
     "unknown unit": (f"{X_IO.replace('(g)', '(ft/s2)')}\n", "unknown unit; write one of m/s2, g"),
     "wrong unit": (f"{X_IO.replace('(g)', '(m/s2)')}\n{REST}", "mostly reads 1, which is not grav"),
+    "wrong unit of rates": (
+        f"{X_IO.replace('(deg/s)', '(rad/s)')}\n0,90,0,0,0,0,1\n0.01,90,0,0,0,0,1\n",
+        "turns faster than anything worn: is it in °/s?",
+    ),
     "time stands": (
         f"{X_IO}\n1,0,0,0,0,0,1\n1,0,0,0,0,1,1\n",
         "Time (s) is 1 in all 2 rows: the recorder's clock stood still",
