@@ -42,8 +42,18 @@ FREE_AXIS_DENSITY_COST = 2.0 * math.log(HALF_PI) - math.log(2.0 * math.pi)
 """Of an axis that may be any, alike modulo a right angle, beside Gaussians without their 2π."""
 
 
+class Turns(NamedTuple):
+    """Ways in which the map of some ``chains``, by index, may be turned, each with its share."""
+
+    chains: tuple[int, ...]
+    ways: tuple[tuple[float, Solved], ...]
+
+
 class Solved(NamedTuple):
-    """A graph solved: poses (n, 3), arrow (A,), ends' covariances (R, 6), the arrow's (A, A)."""
+    """A graph solved: poses (n, 3), arrow (A,), ends' covariances (R, 6), the arrow's (A, A).
+
+    ``turns`` are of those groups whose turn no heading tells.
+    """
 
     assembled: Assembled
     pose: Floats
@@ -52,6 +62,7 @@ class Solved(NamedTuple):
     ends: Floats
     shared: Floats
     belief: AxisBelief
+    turns: tuple[Turns, ...] = ()
 
     @property
     def is_sound(self) -> bool:
@@ -59,12 +70,24 @@ class Solved(NamedTuple):
         return math.isfinite(self.cost) and bool(np.isfinite(self.pose).all())
 
     def tells_turn(self, index: int, settings: TeamSettings) -> bool:
-        """Whether it is told, of all ways it may be, how the unit of a chain is turned by now."""
+        """Whether it is told, of all ways it may be, how the unit of a chain is turned by now.
+
+        In a group that may be turned as a whole, it is how the unit is turned among the others.
+        """
         chain = self.assembled.chains[index]
         if turn_known(chain.starts[int(chain.unit[-1])]):
             return True
-        is_sharp = float(self.ends[index, 3]) < settings.recovered_turn_sd_rad**2
+        is_sharp = float(self.end_on_map(index)[3]) < settings.recovered_turn_sd_rad**2
         return is_sharp and chain.last_unit_name in self.belief.units
+
+    def ways_of(self, index: int) -> tuple[tuple[float, Solved], ...]:
+        """Return how the map of the chain at ``index`` may be turned; nothing if that is told."""
+        return next((each.ways for each in self.turns if index in each.chains), ())
+
+    def end_on_map(self, index: int) -> Floats:
+        """Return the end's covariance (6,) of the chain at ``index``, its map not turned."""
+        ways = self.ways_of(index)
+        return np.asarray(ways[0][1].ends[index] if ways else self.ends[index])
 
     def noise(self, settings: TeamSettings) -> Noise:
         """Return how far passes and moves scatter by this solution."""
