@@ -26,6 +26,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_noise
 from command_post.fusion.team.smoother import log_determinant, smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
+from command_post.fusion.team.unturned import gauge, turned_to, unturned_groups
 from shared.maths.angles import HALF_PI, nearest_right_angle_rad, wrap_rad
 from shared.units import NS_PER_S
 
@@ -34,6 +35,8 @@ UNKNOWN_TURNS_RAD = tuple(math.radians(each) for each in range(-150, 181, 30))
 QUARTERS_RAD = (-0.5 * math.pi, 0.5 * math.pi, math.pi)
 UNDECIDED_COST = 9.0
 """Of two ways that differ by no more in cost, twice the logarithm of odds, either may be true."""
+GAUGE_SD_RAD = math.radians(15.75)
+"""A group that knows no heading is held to a turn so loosely, that others may be told by it."""
 LEAST_NODES = 4
 FREE_AXIS_COST = 5.0
 NO_AXIS_COST = 4.0
@@ -171,12 +174,32 @@ def turned_at(time_ns: int, chains: int, most: int, settings: TeamSettings) -> l
 
 
 def _told_units(found: Solved, settings: TeamSettings) -> frozenset[UnitName]:
-    """Return the units whose heading is known by now, well enough and no other way as well."""
+    """Return the units whose heading is known by now, well enough and no other way as well.
+
+    In a group that knows no heading it is how they are headed among each other, if two are told.
+    """
+    groups = [group for group in unturned_groups(found.assembled) if len(group) > 1]
+    alone = set(range(len(found.assembled.chains))).difference(*groups)
+    told = _told_of(found, alone, settings)
+    for group in groups:
+        row, node = gauge(found.assembled, group)
+        fixed = turned_to(found.assembled, row, float(found.pose[node, 2]), GAUGE_SD_RAD)
+        among = solved_from(
+            fixed, found.pose.copy(), found.arrow.copy(), found.belief, settings,
+            settings.commit_iterations,
+        )  # fmt: skip
+        of_group = _told_of(among, set(group), settings)
+        told |= of_group if len(of_group) > 1 else frozenset()
+    return told
+
+
+def _told_of(found: Solved, chains: set[int], settings: TeamSettings) -> frozenset[UnitName]:
     known = found.belief.units
     return frozenset(
         chain.last_unit_name
         for index, chain in enumerate(found.assembled.chains)
-        if found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
+        if index in chains
+        and found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
         and (
             chain.last_unit_name in known
             or turn_known(chain.starts[int(chain.unit[-1])])
