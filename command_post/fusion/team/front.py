@@ -206,7 +206,8 @@ def told_on_map(
     """Return the estimate where it is on the team's map, with the region that the cloud has.
 
     In the middle of all ways that the map may be turned nobody is, and a map whose parts were told
-    so would be none. The covariance is about where the estimate is.
+    so would be none. The covariance is about where the estimate is. Of who is lost on the map too,
+    not heard of perhaps, that tells more than outlines do.
     """
     cloud = _moved(cloud, since, responder_id)
     told = moments(cloud)
@@ -215,12 +216,17 @@ def told_on_map(
     nn, ne, ee = told.covariance_m2
     nn, ne, ee = nn + off_n * off_n, ne + off_n * off_e, ee + off_e * off_e
     sd_m = math.sqrt(max(nn, ee, 0.0))
+    heading_sd_rad = math.sqrt(told.offset_sd_rad**2 + off_rad * off_rad)
+    if estimate.status == "lost":
+        own_nn, own_ne, own_ee = estimate.covariance_m2
+        wider = told_covariance(nn + own_nn, ne + own_ne, ee + own_ee)
+        return estimate._replace(covariance_m2=wider, heading_sd_rad=heading_sd_rad)
     if sd_m > settings.lost_sd_m and estimate.status in {"tracking", "dead_reckoning"}:
         reason = f"which way the map is turned is not known: may be {2.0 * sd_m:.0f} m off"
         estimate = estimate._replace(status="lost", reason=reason)
     return estimate._replace(
         covariance_m2=told_covariance(nn, ne, ee),
-        heading_sd_rad=math.sqrt(told.offset_sd_rad**2 + off_rad * off_rad),
+        heading_sd_rad=heading_sd_rad,
         regions_m=regions(cloud, told) if sd_m < WIDEST_REGION_M else (),
     )
 
