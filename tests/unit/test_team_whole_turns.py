@@ -13,7 +13,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.team_tracker import TeamTracker
 from command_post.fusion.track import Estimate
 from shared.maths.polygons import inside_polygon
-from shared.messages import LocalPosition, PositionFix, RssiPeak
+from shared.messages import LocalPosition, OdometryIncrement, PositionFix, RssiPeak
 from tests.stride_world import STRIDE_M, STRIDE_S, at_ns, installation, stride, track_start
 
 UNKNOWN_SD_RAD = math.pi
@@ -55,7 +55,7 @@ def walked(turned_deg: float, leader_sd_rad: float = UNKNOWN_SD_RAD) -> Team:
     """Walk both ways from one door, the whole map turned; r1 perhaps knows their heading."""
     tracker = TeamTracker(TeamSettings())
     chance = np.random.default_rng(11)
-    events = []
+    events: list[tuple[float, str, OdometryIncrement | str]] = []
     places_m = {}
     for name, ways_deg in WAYS_DEG.items():
         later_s = R2_LATER_S if name == "r2" else 0.0
@@ -78,15 +78,15 @@ def walked(turned_deg: float, leader_sd_rad: float = UNKNOWN_SD_RAD) -> Team:
             events += [(time_s, dap_id, name) for dap_id, count in DAPS.items() if count == number]
         places_m[name] = place_m
     for time_s, node_id, event in sorted(events, key=lambda each: (each[0], each[1])):
-        if event == "r1":
-            tracker.install(node_id, installation(time_s, "r1"))
-        elif event == "r2":
+        if isinstance(event, OdometryIncrement):
+            tracker.move(node_id, event)
+        elif event == "r1":
+            tracker.install(node_id, installation(time_s, event))
+        else:
             tracker.peak(node_id, RssiPeak(
-                event_time_ns=at_ns(time_s), sequence=0, responder_id="r2", peak_dbm=-40.0,
+                event_time_ns=at_ns(time_s), sequence=0, responder_id=event, peak_dbm=-40.0,
                 width_s=1.0, sample_count=9,
             ))  # fmt: skip
-        else:
-            tracker.move(node_id, event)
     team = Team(tracker, places_m, max(each[0] for each in events))
     rested(team, team.end_s + 12.0, 100)
     return team

@@ -119,9 +119,9 @@ def _turned(
 
     def turned(place_m: Floats) -> Floats:
         north, east = (place_m - pivot_m).T
-        return pivot_m + np.column_stack([
+        return np.asarray(pivot_m + np.column_stack([
             cosine * north - sine * east, sine * north + cosine * east
-        ])  # fmt: skip
+        ]))  # fmt: skip
 
     for index in group:
         own = slice(*found.assembled.graph.first[index : index + 2].tolist())
