@@ -54,7 +54,7 @@ def pose_of(
     end = int(solved.assembled.graph.first[index + 1])
     unit = int(chain.unit[-1])
     north_m, east_m, turn_rad = solved.pose[end - 1].tolist()
-    nn, ne, ee, tt, nt, et = solved.ends[index].tolist()
+    nn, ne, ee, tt, nt, et = solved.end_on_map(index).tolist()
     return Pose(
         int(chain.time_ns[-1]), north_m, east_m, turn_rad,
         float(solved.arrow[solved.assembled.unit_column(index, unit)]),

@@ -86,27 +86,85 @@ def _ties(solved: Solved, index: int, since_ns: int) -> dict[int, list[Tie]]:
     return found
 
 
+def cloud_of_turns(
+    solved: Solved, index: int, time_ns: int, settings: TeamSettings
+) -> Cloud | None:
+    """Return a cloud of where the chain at ``index`` ends, however its map may be turned.
+
+    ``None`` if how that is turned is told.
+    """
+    ways = solved.ways_of(index)
+    if not ways:
+        return None
+    chain = solved.assembled.chains[index]
+    end = int(solved.assembled.graph.first[index + 1]) - 1
+    unit = int(chain.unit[-1])
+    means, spreads = [], []
+    for _, way in ways:
+        scale = float(way.arrow[way.assembled.unit_column(index, unit)])
+        nn, ne, ee, tt, nt, et = way.ends[index].tolist()
+        means.append([*way.pose[end].tolist(), scale])
+        spreads.append([
+            [nn, ne, nt, 0.0],
+            [ne, ee, et, 0.0],
+            [nt, et, tt, 0.0],
+            [0.0, 0.0, 0.0, settings.scale_sd**2],
+        ])  # fmt: skip
+    shares = np.array([share for share, _ in ways])
+    mixture = Mixture(shares, np.array(means), np.array(spreads))
+    stream = responder_stream(SEED, chain.responder_id)
+    return spawn(mixture, settings.front_particles, step_key(stream, time_ns, 1))
+
+
 class Fronts:
-    """What was told last of each who has a cloud.
+    """The clouds of all who have one, and what was told last of each.
 
     Of hundreds of late strides none moves where somebody is by now, and each is answered: outlines
     take a hundred times as long as all else of that.
     """
 
     def __init__(self) -> None:
+        self._fronts: dict[str, _Front] = {}
         self._told: dict[str, _Told] = {}
 
+    def keep(
+        self, solved: Solved, index: int, log: ResponderLog, time_ns: int, settings: TeamSettings
+    ) -> None:
+        """Keep what cloud the chain at ``index`` needs at ``time_ns``, if it needs one."""
+        responder_id = solved.assembled.chains[index].responder_id
+        cloud = cloud_before(solved, index, log, time_ns, settings)
+        on_map = cloud is None
+        if on_map:
+            cloud = cloud_of_turns(solved, index, time_ns, settings)
+        if cloud is None:
+            self._fronts.pop(responder_id, None)
+        else:
+            self._fronts[responder_id] = _Front(cloud, on_map)
+
     def told(
-        self, estimate: Estimate, cloud: Cloud, since: Sequence[OdometryIncrement],
-        heading_rad: float, responder_id: str, settings: TeamSettings,
+        self, estimate: Estimate, log: ResponderLog, since_ns: int, responder_id: str,
+        settings: TeamSettings,
     ) -> Estimate:  # fmt: skip
-        """Return what ``told_by_cloud`` does."""
+        """Return the estimate as the cloud has it, moved since then; as it is without a cloud."""
+        front = self._fronts.get(responder_id)
+        if front is None:
+            return estimate
+        since = log.moves.messages_after(since_ns)
+        heading_rad = log.moves.last_heading_rad
         before = self._told.get(responder_id)
         asked = (estimate, tuple(since), heading_rad)
-        if before is None or before.cloud is not cloud or before.asked != asked:
-            found = told_by_cloud(estimate, cloud, since, heading_rad, responder_id, settings)
-            before = self._told[responder_id] = _Told(cloud, asked, found)
+        if before is None or before.cloud is not front.cloud or before.asked != asked:
+            tell = told_on_map if front.on_map else told_by_cloud
+            found = tell(estimate, front.cloud, since, heading_rad, responder_id, settings)
+            before = self._told[responder_id] = _Told(front.cloud, asked, found)
         return before.estimate
+
+
+class _Front(NamedTuple):
+    """A cloud, and whether it is ``on_map``: of the ways in which that may be turned."""
+
+    cloud: Cloud
+    on_map: bool
 
 
 class _Told(NamedTuple):
@@ -122,10 +180,7 @@ def told_by_cloud(
     responder_id: str, settings: TeamSettings,
 ) -> Estimate:  # fmt: skip
     """Return the estimate as the cloud has it, ``since`` being the moves after it was made."""
-    stream = responder_stream(SEED, responder_id)
-    if since:
-        steps = [Step(step_key(stream, each.event_time_ns), each) for each in since]
-        cloud = advance(cloud, steps)[0]
+    cloud = _moved(cloud, since, responder_id)
     told = moments(cloud)
     sd_m = math.sqrt(max(told.covariance_m2[0], told.covariance_m2[2], 0.0))
     if sd_m > settings.lost_sd_m and estimate.status in {"tracking", "dead_reckoning"}:
@@ -142,3 +197,43 @@ def told_by_cloud(
         heading_sd_rad=told.offset_sd_rad,
         regions_m=regions(cloud, told) if sd_m < WIDEST_REGION_M else (),
     )
+
+
+def told_on_map(
+    estimate: Estimate, cloud: Cloud, since: Sequence[OdometryIncrement], heading_rad: float,
+    responder_id: str, settings: TeamSettings,
+) -> Estimate:  # fmt: skip
+    """Return the estimate where it is on the team's map, with the region that the cloud has.
+
+    In the middle of all ways that the map may be turned nobody is, and a map whose parts were told
+    so would be none. The covariance is about where the estimate is. Of who is lost on the map too,
+    not heard of perhaps, that tells more than outlines do.
+    """
+    cloud = _moved(cloud, since, responder_id)
+    told = moments(cloud)
+    off_n, off_e = told.north_m - estimate.north_m, told.east_m - estimate.east_m
+    off_rad = wrap_rad(heading_rad + told.offset_rad - estimate.heading_rad)
+    nn, ne, ee = told.covariance_m2
+    nn, ne, ee = nn + off_n * off_n, ne + off_n * off_e, ee + off_e * off_e
+    sd_m = math.sqrt(max(nn, ee, 0.0))
+    heading_sd_rad = math.sqrt(told.offset_sd_rad**2 + off_rad * off_rad)
+    if estimate.status == "lost":
+        own_nn, own_ne, own_ee = estimate.covariance_m2
+        wider = told_covariance(nn + own_nn, ne + own_ne, ee + own_ee)
+        return estimate._replace(covariance_m2=wider, heading_sd_rad=heading_sd_rad)
+    if sd_m > settings.lost_sd_m and estimate.status in {"tracking", "dead_reckoning"}:
+        reason = f"which way the map is turned is not known: may be {2.0 * sd_m:.0f} m off"
+        estimate = estimate._replace(status="lost", reason=reason)
+    return estimate._replace(
+        covariance_m2=told_covariance(nn, ne, ee),
+        heading_sd_rad=heading_sd_rad,
+        regions_m=regions(cloud, told) if sd_m < WIDEST_REGION_M else (),
+    )
+
+
+def _moved(cloud: Cloud, since: Sequence[OdometryIncrement], responder_id: str) -> Cloud:
+    """Return a cloud after the moves ``since`` it was made."""
+    if not since:
+        return cloud
+    stream = responder_stream(SEED, responder_id)
+    return advance(cloud, [Step(step_key(stream, m.event_time_ns), m) for m in since])[0]

@@ -15,6 +15,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import Solution
 from command_post.fusion.team.solving import Solved, commit
 from command_post.fusion.team.suspicions import supposed
+from command_post.fusion.team.whole_turns import likeliest, with_turns
 
 
 class Commit(NamedTuple):
@@ -47,6 +48,7 @@ def solved_crew(
     solved = solve(supposed(log, before.suspicions), time_ns, before, settings)
     if solved is None or not solved.is_sound:
         return None
+    solved = likeliest(solved, settings)
     solved, held, examined = examine(
         log, time_ns, solved, before, settings, of_crowd=not crew.is_everybody
     )
@@ -60,4 +62,5 @@ def solved_crew(
         if not crew.is_everybody:
             levels_m = with_known(levels_m, before.storeys_m)
         solution = solution._replace(storeys_m=tuple(levels_m))
+    solved = with_turns(solved, settings, settings.commit_iterations)
     return solution, Fresh(time_ns, log, solved, heights)

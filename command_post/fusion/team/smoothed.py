@@ -26,9 +26,33 @@ def smoothed_tracks(
 ) -> dict[str, SmoothedTrack]:
     """Return the ways of a solution, with covariances; some clocks are ahead by ``ahead_ns``.
 
+    Held to an axis that is given, covariances are told ``given_axis_factor`` times as wide. Those
+    of a group whose map may be turned are mean squares about the first of its turns.
+    """
+    tracks = _tracks(solved, heights, ahead_ns, settings)
+    for turns in solved.turns:
+        names = [solved.assembled.chains[index].responder_id for index in turns.chains]
+        spread = {name: np.zeros_like(tracks[name].covariance_m2) for name in names}
+        for number, (share, way) in enumerate(turns.ways):
+            turned = _tracks(way, heights, ahead_ns, settings)
+            for name in names if number == 0 else ():
+                tracks[name] = turned[name]
+            for name in names:
+                n, e, _ = (turned[name].position_m - tracks[name].position_m).T
+                apart = np.column_stack([n * n, n * e, e * e])
+                spread[name] += share * (turned[name].covariance_m2 + apart)
+        for name in names:
+            tracks[name] = tracks[name]._replace(covariance_m2=spread[name])
+    return tracks
+
+
+def _tracks(
+    solved: Solved, heights: Heights, ahead_ns: Mapping[str, int], settings: TeamSettings
+) -> dict[str, SmoothedTrack]:
+    """Return the ways of one solution as if there were no other.
+
     Between two nodes a way goes as the unit said, turned by the mean of their turns; what is then
-    missing to the next node is shared out evenly. Held to an axis that is given, covariances are
-    told ``given_axis_factor`` times as wide.
+    missing to the next node is shared out evenly.
     """
     graph, pose, arrow = solved.assembled.graph, solved.pose.copy(), solved.arrow.copy()
     _, _, covariance, _ = smooth(

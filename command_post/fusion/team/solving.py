@@ -26,6 +26,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.sharpness import learnt_noise
 from command_post.fusion.team.smoother import log_determinant, smooth
 from command_post.fusion.team.solution import Solution, begin_from, solution_of, turned
+from command_post.fusion.team.unturned import gauge, turned_to, unturned_groups
 from shared.maths.angles import HALF_PI, nearest_right_angle_rad, wrap_rad
 from shared.units import NS_PER_S
 
@@ -34,6 +35,8 @@ UNKNOWN_TURNS_RAD = tuple(math.radians(each) for each in range(-150, 181, 30))
 QUARTERS_RAD = (-0.5 * math.pi, 0.5 * math.pi, math.pi)
 UNDECIDED_COST = 9.0
 """Of two ways that differ by no more in cost, twice the logarithm of odds, either may be true."""
+GAUGE_SD_RAD = math.radians(15.75)
+"""A group that knows no heading is held to a turn so loosely, that others may be told by it."""
 LEAST_NODES = 4
 FREE_AXIS_COST = 5.0
 NO_AXIS_COST = 4.0
@@ -42,8 +45,18 @@ FREE_AXIS_DENSITY_COST = 2.0 * math.log(HALF_PI) - math.log(2.0 * math.pi)
 """Of an axis that may be any, alike modulo a right angle, beside Gaussians without their 2π."""
 
 
+class Turns(NamedTuple):
+    """Ways in which the map of some ``chains``, by index, may be turned, each with its share."""
+
+    chains: tuple[int, ...]
+    ways: tuple[tuple[float, Solved], ...]
+
+
 class Solved(NamedTuple):
-    """A graph solved: poses (n, 3), arrow (A,), ends' covariances (R, 6), the arrow's (A, A)."""
+    """A graph solved: poses (n, 3), arrow (A,), ends' covariances (R, 6), the arrow's (A, A).
+
+    ``turns`` are of those groups whose turn no heading tells.
+    """
 
     assembled: Assembled
     pose: Floats
@@ -52,6 +65,7 @@ class Solved(NamedTuple):
     ends: Floats
     shared: Floats
     belief: AxisBelief
+    turns: tuple[Turns, ...] = ()
 
     @property
     def is_sound(self) -> bool:
@@ -59,12 +73,24 @@ class Solved(NamedTuple):
         return math.isfinite(self.cost) and bool(np.isfinite(self.pose).all())
 
     def tells_turn(self, index: int, settings: TeamSettings) -> bool:
-        """Whether it is told, of all ways it may be, how the unit of a chain is turned by now."""
+        """Whether it is told, of all ways it may be, how the unit of a chain is turned by now.
+
+        In a group that may be turned as a whole, it is how the unit is turned among the others.
+        """
         chain = self.assembled.chains[index]
         if turn_known(chain.starts[int(chain.unit[-1])]):
             return True
-        is_sharp = float(self.ends[index, 3]) < settings.recovered_turn_sd_rad**2
+        is_sharp = float(self.end_on_map(index)[3]) < settings.recovered_turn_sd_rad**2
         return is_sharp and chain.last_unit_name in self.belief.units
+
+    def ways_of(self, index: int) -> tuple[tuple[float, Solved], ...]:
+        """Return how the map of the chain at ``index`` may be turned; nothing if that is told."""
+        return next((each.ways for each in self.turns if index in each.chains), ())
+
+    def end_on_map(self, index: int) -> Floats:
+        """Return the end's covariance (6,) of the chain at ``index``, its map not turned."""
+        ways = self.ways_of(index)
+        return np.asarray(ways[0][1].ends[index] if ways else self.ends[index])
 
     def noise(self, settings: TeamSettings) -> Noise:
         """Return how far passes and moves scatter by this solution."""
@@ -148,12 +174,32 @@ def turned_at(time_ns: int, chains: int, most: int, settings: TeamSettings) -> l
 
 
 def _told_units(found: Solved, settings: TeamSettings) -> frozenset[UnitName]:
-    """Return the units whose heading is known by now, well enough and no other way as well."""
+    """Return the units whose heading is known by now, well enough and no other way as well.
+
+    In a group that knows no heading it is how they are headed among each other, if two are told.
+    """
+    groups = [group for group in unturned_groups(found.assembled) if len(group) > 1]
+    alone = set(range(len(found.assembled.chains))).difference(*groups)
+    told = _told_of(found, alone, settings)
+    for group in groups:
+        row, node = gauge(found.assembled, group)
+        fixed = turned_to(found.assembled, row, float(found.pose[node, 2]), GAUGE_SD_RAD)
+        among = solved_from(
+            fixed, found.pose.copy(), found.arrow.copy(), found.belief, settings,
+            settings.commit_iterations,
+        )  # fmt: skip
+        of_group = _told_of(among, set(group), settings)
+        told |= of_group if len(of_group) > 1 else frozenset()
+    return told
+
+
+def _told_of(found: Solved, chains: set[int], settings: TeamSettings) -> frozenset[UnitName]:
     known = found.belief.units
     return frozenset(
         chain.last_unit_name
         for index, chain in enumerate(found.assembled.chains)
-        if found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
+        if index in chains
+        and found.ends[index, 3] < settings.axis_from_turn_sd_rad**2
         and (
             chain.last_unit_name in known
             or turn_known(chain.starts[int(chain.unit[-1])])

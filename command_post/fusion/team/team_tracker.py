@@ -14,7 +14,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from command_post.fusion.cloud.cloud import Cloud
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack, WayTold
 from command_post.fusion.team.agenda import Agenda
@@ -31,7 +30,7 @@ from command_post.fusion.team.estimates import (
     pose_of,
 )
 from command_post.fusion.team.forgetting import forget
-from command_post.fusion.team.front import Fronts, cloud_before
+from command_post.fusion.team.front import Fronts
 from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
@@ -43,6 +42,7 @@ from command_post.fusion.team.solution import NOTHING, Solution, concerning
 from command_post.fusion.team.solving import commit, solve
 from command_post.fusion.team.standing_doubts import StandingDoubts
 from command_post.fusion.team.suspicions import clocks_ahead_ns, supposed
+from command_post.fusion.team.whole_turns import with_turns
 from command_post.fusion.track import Estimate
 from shared.messages import (
     Contact,
@@ -78,7 +78,6 @@ class TeamTracker:
         self._solved_ns = -1
         self._poses: dict[str, Pose] = {}
         self._kept_ns: dict[str, int] = {}
-        self._clouds: dict[str, Cloud] = {}
         self._fronts = Fronts()
         self._storeys_m = np.empty(0)
         self._storeys_of: dict[str, Floats] = {}
@@ -244,6 +243,7 @@ class TeamTracker:
         solved = commit(log, latest, before, self._settings)
         if solved is None or not solved.is_sound:
             return {}, {}
+        solved = with_turns(solved, self._settings, self._settings.commit_iterations)
         heights = solve_heights(log, solved.assembled, latest, self._settings)
         ahead_ns = clocks_ahead_ns(before.suspicions)
         tracks = smoothed_tracks(solved, heights, ahead_ns, self._settings)
@@ -337,6 +337,7 @@ class TeamTracker:
         if solved is None or not solved.is_sound:
             self.counts["unsolved"] += solved is not None
             return None
+        solved = with_turns(solved, settings, settings.tick_iterations)
         return Fresh(due_ns, log, solved, solve_heights(log, solved.assembled, due_ns, settings))
 
     def _keep(self, crew: Crew, fresh: Fresh, before: Solution) -> None:
@@ -353,11 +354,7 @@ class TeamTracker:
             self._kept_ns[chain.responder_id] = time_ns
             self._storeys_of[chain.responder_id] = self._storeys_m
             own = log.responders[chain.responder_id]
-            cloud = cloud_before(solved, index, own, time_ns, self._settings)
-            if cloud is None:
-                self._clouds.pop(chain.responder_id, None)
-            else:
-                self._clouds[chain.responder_id] = cloud
+            self._fronts.keep(solved, index, own, time_ns, self._settings)
             estimate = self._estimate(chain.responder_id, time_ns)
             self._estimates[chain.responder_id] = estimate
             if time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
@@ -390,9 +387,4 @@ class TeamTracker:
         pose = self._poses.get(responder_id) or first_pose(log, self._settings)
         storeys_m = self._storeys_of.get(responder_id, self._storeys_m)
         estimate = estimate_of(pose, log, now_ns, storeys_m, self._settings)
-        cloud = self._clouds.get(responder_id)
-        if cloud is None:
-            return estimate
-        since = log.moves.messages_after(pose.time_ns)
-        heading_rad = log.moves.last_heading_rad
-        return self._fronts.told(estimate, cloud, since, heading_rad, responder_id, self._settings)
+        return self._fronts.told(estimate, log, pose.time_ns, responder_id, self._settings)
