@@ -18,13 +18,14 @@ from typing import NamedTuple
 from command_post.authority import Authority
 from command_post.children import Children
 from command_post.fusion.settings import HOLD_S
+from command_post.last_words import LastWords
 from shared.bus.interface import Bus, Received
 from shared.bus.loopback import free_port, free_ports
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
 from shared.introductions import Introductions
-from shared.messages import ExerciseStart
+from shared.messages import Beat, ExerciseStart
 from shared.recording_parts import files_of, unfinished_path
 from shared.security.bundle import Bundle
 from shared.security.certificates import AUTHORITY_ID, Identity
@@ -53,7 +54,9 @@ LATEST_S = 0.6
 STRIDE_TOLD_S = 8.0
 """A stride is told this long after it at the latest, by a unit that keeps up."""
 
-LAST_WORDS_S = 0.2
+SAFE_SOON_S = 6.0
+SAFE_TIMEOUT_S = 120.0
+"""The post acknowledges every other second what is on its disk; one that is behind takes longer."""
 
 
 class DemoError(RuntimeError):
@@ -143,7 +146,10 @@ def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) ->
             start = _give_the_start(settings, bus, own_keys)
             say(f"exercise started: {start.scenario}, seed {start.seed}, {start.speed:g}x")
             watch_the_pace(settings, bus, start, say)
-            if not _wait_until_finished(settings, bus, children, stop, say):
+            if not (
+                _wait_until_finished(settings, bus, children, stop, say)
+                and _wait_until_safe(bus, children, stop, say)
+            ):
                 say("stopping " + ", ".join(children.running()))
                 return False
             # The post first: its last look at the roster is to find everybody there.
@@ -238,7 +244,7 @@ def _wait_until_alive(settings: DemoSettings, bus: Bus, children: Children, stop
         lambda key, is_alive: alive.add(key) if is_alive else alive.discard(key),
     )
     clock = SystemClock()
-    deadline_ns = clock.now_ns() + round(READY_TIMEOUT_S * 1e9)
+    deadline_ns = clock.now_ns() + round(READY_TIMEOUT_S * NS_PER_S)
     while not expected <= alive:
         _check(children, children.names())
         if clock.real_seconds_until(deadline_ns) < 0.0:
@@ -269,10 +275,39 @@ def _wait_until_finished(
                 say(f"{name} ended with exit code {exit_code}; going on without")
         walking = settings.scenario.responders.keys() & set(children.running())
         if all(finished_key(INCIDENT, one) in finished for one in walking):
-            # What was said last is still on its way; what is held back is fused at the end.
-            return not stop.wait(LAST_WORDS_S)
+            return True
         if stop.wait(POLL_S):
             return False
+
+
+def _wait_until_safe(bus: Bus, children: Children, stop: Event, say: Callable[[str], None]) -> bool:
+    """Wait until the post, which may be behind, has all that was said; it fuses that at its end."""
+    last_words = LastWords()
+
+    def hear(received: Received) -> None:
+        key = parse_key(received.key)
+        beat = key if isinstance(key, Refusal) else decode(key, received.payload)
+        if isinstance(beat, Beat) and not isinstance(key, Refusal):
+            last_words.hear(key.node_id, beat)
+
+    roles: tuple[Role, ...] = ("responder", "dap")
+    for role in roles:
+        bus.subscribe(str(Key(INCIDENT, role, "*", "beat")), hear)
+    clock = SystemClock()
+    began_ns = clock.now_ns()
+    told = False
+    while not last_words.are_safe(name for name in children.running() if name != POST_ID):
+        _check(children, [POST_ID])
+        waited_s = -clock.real_seconds_until(began_ns)
+        if waited_s > SAFE_TIMEOUT_S:
+            say("the post does not catch up: its recording lacks what was said last")
+            return True
+        if waited_s > SAFE_SOON_S and not told:
+            told = True
+            say("the post is behind, and waited for; give a lower --speed on this machine")
+        if stop.wait(POLL_S):
+            return False
+    return True
 
 
 def _give_the_start(settings: DemoSettings, bus: Bus, own_keys: Bundle) -> ExerciseStart:

@@ -7,13 +7,14 @@ the roster.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from threading import Event
 from typing import Protocol
 
 import structlog
 
+from command_post.fusion.mishaps import got_over
 from command_post.roster import Roster
 
 PAUSE_S = 1.0
@@ -49,18 +50,9 @@ class GoingOn:
             for (what, error), count in sorted(self._failed.items())
         ]
 
-    @contextmanager
-    def survived(self, what: str) -> Iterator[None]:
+    def survived(self, what: str) -> AbstractContextManager[None]:
         """Break off at an exception what is done within; interrupts go on upwards."""
-        try:
-            yield
-        except MemoryError:
-            raise
-        except Exception as error:
-            kind = (what, type(error).__name__)
-            self._failed[kind] += 1
-            if self._failed[kind] == 1:
-                _log.exception("the post goes on without what fails", what=what)
+        return got_over(lambda error: self._note(what, error))
 
     def running(self, what: str, run: Callable[[Event], None], stop: Event) -> None:
         """Have ``run`` run until ``stop``, and begin it anew wherever it fails."""
@@ -69,6 +61,12 @@ class GoingOn:
                 run(stop)
                 return
             stop.wait(PAUSE_S)
+
+    def _note(self, what: str, error: Exception) -> None:
+        kind = (what, type(error).__name__)
+        self._failed[kind] += 1
+        if self._failed[kind] == 1:
+            _log.error("the post goes on without what fails", what=what, exc_info=error)
 
 
 class Guests:

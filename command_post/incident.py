@@ -7,7 +7,7 @@ bytes come out. Nothing happens between two calls.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
 from command_post.desks.announcer import Announcer, Outgoing
@@ -27,7 +27,7 @@ from command_post.nodes.lateness import Lateness
 from command_post.nodes.node_clock import KnownClock
 from command_post.nodes.notices import Notice, Notices, named_in
 from command_post.nodes.senders import Senders
-from command_post.nodes.set_aside import SetAside, fused, heard
+from command_post.nodes.set_aside import Attendant, SetAside, fused, heard
 from command_post.nodes.teams import TeamWatch
 from command_post.nodes.told import LastMovement, RaisedAlarm, Told, why_nowhere
 from command_post.resuming import begin_anew
@@ -52,10 +52,6 @@ __all__ = ["MOST_NODES", "Incident", "IncidentSettings"]
 
 MOST_NODES = 4096
 _NOT_THE_POST = "not_the_post"
-
-_SAID: dict[type[Message], str] = {
-    Order: "order", Receipt: "receipt", StationTable: "stations", SiteAdvice: "site",
-}  # fmt: skip
 
 
 class Incident:
@@ -83,13 +79,17 @@ class Incident:
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
         self._handing_over = HandingOver(self._tracker)
-        self.set_aside = SetAside(self._notices, ("post", settings.post_id))
+        self._set_aside = SetAside(self._notices, ("post", settings.post_id))
         self._doubts = DoubtWatch(self._notices)
         self._announcer = Announcer(settings.incident, settings.post_id)
         self._desk = CommandDesk(settings, self._announcer)
         self._dap_places: dict[str, Outgoing] = {}
         self._recalled: list[Event] | None = None
         """What was due of what is being recalled."""
+
+    def attended(self, by: Attendant | None, fatal: Collection[str]) -> None:
+        """Have somebody attend, and what is ``fatal`` put aside: see ``SetAside``."""
+        self._set_aside.attended(by, fatal)
 
     @property
     def estimates(self) -> Mapping[str, Estimate]:
@@ -190,7 +190,7 @@ class Incident:
             for doubt in self._tracker.doubts
             if (doubt.role, doubt.node_id) == node
         ]
-        late = self._lateness.faults(node, now_ns) + self.set_aside.faults(node, now_ns)
+        late = self._lateness.faults(node, now_ns) + self._set_aside.faults(node, now_ns)
         of_box = self._faults_of_dap(node_id, now_ns) if role == "dap" else []
         return of_box + self._senders.faults(role, node_id, now_ns) + late + doubted
 
@@ -199,7 +199,7 @@ class Incident:
         post_id = self.settings.post_id
         doubled = self._notices.refusals[_NOT_THE_POST, post_id]
         words = f"another post goes by {post_id} too ({doubled} messages): end one"
-        return [words] * bool(doubled) + self.set_aside.remarks(now_ns)
+        return [words] * bool(doubled) + self._set_aside.remarks(now_ns)
 
     def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
         silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
@@ -228,9 +228,9 @@ class Incident:
             self._notices.refuse(parsed.reason, named_in(key), parsed.detail)
         elif self._is_own(parsed):
             self._notices.refuse(_NOT_THE_POST, parsed.node_id, "somebody else uses its keys")
-        elif self.set_aside.takes(parsed, what := heard(key, payload)):
+        elif self._set_aside.takes(parsed, what := heard(key, payload)):
             take = self._take_from_post if parsed.role == "post" else self._take
-            with self.set_aside.survived(parsed, "hearing it", what):
+            with self._set_aside.survived(parsed, "hearing it", what):
                 made += take(parsed, payload, now_ns)
         return made + self.pass_time(now_ns)
 
@@ -242,11 +242,11 @@ class Incident:
         made = self._fuse(self._time_line.release(now_ns))
         before_ns = self._lateness.forget_ns(now_ns)
         if before_ns is not None:
-            with self.set_aside.passing("forgetting"):
+            with self._set_aside.passing("forgetting"):
                 self._tracker.forget(before_ns)
-        with self.set_aside.passing("looking who is silent"):
+        with self._set_aside.passing("looking who is silent"):
             made += self._desk.pass_time(now_ns)
-        self.set_aside.tell(now_ns)
+        self._set_aside.tell(now_ns)
         return made
 
     @property
@@ -257,7 +257,7 @@ class Incident:
 
     def said(self, message: Order | Receipt | StationTable | SiteAdvice) -> Outgoing:
         """Return what the post itself has to say as it is to be published."""
-        return self._announcer.outgoing(message, _SAID[type(message)])
+        return self._announcer.outgoing(message)
 
     def recall(self, key: str, payload: bytes, now_ns: int) -> None:
         """Take in what was handled before; none of it is fused. To be ended by ``begin_from``."""
@@ -282,11 +282,11 @@ class Incident:
     def afterwards(self) -> Afterwards | None:
         """Return everybody's way with all that is known by now, if the method can say that."""
         for event in self._lateness.take_set_aside():
-            with self.set_aside.survived(event.key, "fusing it"):
+            with self._set_aside.survived(event.key, "fusing it"):
                 self._give(event.key.node_id, event.dated)
         found = self._tracker.afterwards()
-        self.set_aside.take(self._tracker.take_changes().mishaps)
-        self.set_aside.tell(0)
+        self._set_aside.take(self._tracker.take_changes().mishaps)
+        self._set_aside.tell(0)
         return found
 
     def finish(self, now_ns: int) -> list[Outgoing]:
@@ -295,7 +295,7 @@ class Incident:
         for event in self._dating.rest():
             self._put(event, now_ns)
         made += self._fuse(self._time_line.release_all())
-        self.set_aside.tell(now_ns)
+        self._set_aside.tell(now_ns)
         return made
 
     def _is_own(self, key: Key) -> bool:
@@ -309,7 +309,7 @@ class Incident:
             self._notices.refuse(message.reason, key.node_id, message.detail)
         elif key.incident == self.settings.incident:
             if key.topic in FUSED:
-                with self.set_aside.survived(key, "dating it"):
+                with self._set_aside.survived(key, "dating it"):
                     self._put(Event(key, message, message.event_time_ns), now_ns)
             known = [node_id for role, node_id in self._heard_ns if role == "responder"]
             return self._desk.take(key.node_id, message, known, now_ns)
@@ -333,7 +333,7 @@ class Incident:
                 self._desk.orders.meet(key.node_id)
             self._heard_ns[node] = now_ns
             # Whatever fails of the one, the other must not miss a mayday for it.
-            with self.set_aside.survived(key, "dating it"):
+            with self._set_aside.survived(key, "dating it"):
                 self._take_dated(key, message, now_ns, read_seal(payload))
             return self._desk.hear(node, message, now_ns)
         return []
@@ -370,8 +370,8 @@ class Incident:
             return []
         made: list[Outgoing] = []
         for event in events:
-            if self.set_aside.takes(event.key, what := fused(event)):
-                with self.set_aside.survived(event.key, "fusing it", what):
+            if self._set_aside.takes(event.key, what := fused(event)):
+                with self._set_aside.survived(event.key, "fusing it", what):
                     for outgoing in self._outcome(event):
                         made.append(outgoing)  # noqa: PERF402 - what is made before a fault counts
         return made
@@ -383,7 +383,7 @@ class Incident:
         known = self._doubts.changed(self._tracker.doubts)
         yield from [] if known is None else self._desk.doubt(known, time_ns)
         changes = self._tracker.take_changes()
-        self.set_aside.take(changes.mishaps)
+        self._set_aside.take(changes.mishaps)
         for responder_id, estimate in changes.estimates:
             yield self._announcer.track(responder_id, estimate)
             left = self._teams.take(responder_id, estimate)

@@ -23,7 +23,7 @@ from command_post.desks.site_desk import SiteDesk
 from command_post.going_on import GoingOn, Guest, Guests
 from command_post.incident import Incident
 from command_post.last_messages import LastMessages
-from command_post.metrics.figures import Figures, by_reason
+from command_post.metrics.figures import figures_of
 from command_post.metrics.prometheus import Metrics
 from command_post.nodes.freshness import NodeWatch
 from command_post.nodes.notice_log import log_notices
@@ -55,7 +55,6 @@ from shared.topics import (
     everything_of,
     time_key,
 )
-from shared.units import NS_PER_S
 
 INBOX_MESSAGES = 200_000
 INBOX_BYTES = 64 << 20
@@ -165,60 +164,84 @@ class Post:
 
     def serve(self, stop: Event) -> None:
         """Serve until ``stop`` is set, then finish the incident and say what was lost."""
-        settings = self._incident.settings
-        self._bus.subscribe(everything_of(settings.incident), self._hear, self._inbox.wanted)
-        self._company.watch()
-        time_at_post = time_key(settings.incident, settings.post_id)
-        self._bus.answer(time_at_post, time_answerer(self._clock, time_at_post, self._sign))
-        self._bus.declare_alive(alive_key(settings.incident, "post", settings.post_id))
-        collector = Collector(
-            self._bus,
-            settings.incident,
-            self._reception.missing,
-            self._hear_again,
-            has_room=lambda: len(self._inbox) < MOST_WAITING,
-            is_seen=lambda run: not self._inbox.refilled_of(f"{run.role}/{run.node_id}"),
-        )
+        self._be_found()
+        collector = self._collector()
         at_work = [
             Thread(target=self._going_on.running, args=(name, run, stop), name=name)
             for name, run in (("greeter", self._company.greet), ("collector", collector.run))
         ]
         for thread in at_work:
             thread.start()
-        next_show_s = time.monotonic()
         self._publish(self._to_say_again)
         last = LastMessages(stop)
+        next_round_s = time.monotonic()
         while not stop.is_set():
-            heard = self._inbox.get_some(MOST_AT_ONCE, self._until_due_s())
-            self._handle_all(heard, last)
-            if not heard:
-                self._pass_time()
-            self._heed_guests()
-            self._give_receipts()
-            self._keep_state()
-            if time.monotonic() >= next_show_s:
-                with self._going_on.survived("repeating orders"):
-                    self._repeat_orders()
-                with self._going_on.survived("telling of the stations"):
-                    self._tell_stations(some_came=self._company.tell())
-                with self._going_on.survived("advising where DAPs are wanted"):
-                    self._voice.say(self._sites.due(self._incident, self._clock.now_ns()))
-                with self._going_on.survived("showing the roster"):
-                    self._tell_figures()
-                next_show_s = time.monotonic() + SHOW_PERIOD_S
-                # What is kept is kept for good: going through it for cycles would stall a crowd.
-                gc.freeze()
+            self._take_turn(last)
+            if time.monotonic() >= next_round_s:
+                self._go_round()
+                next_round_s = time.monotonic() + SHOW_PERIOD_S
         self._bus.ask_no_more()
+        self._finish(last)
+        for thread in at_work:
+            thread.join()
+        _log.info("refill", counts=dict(collector.counts))
+        self._tell_losses(last.unhandled)
+
+    def _be_found(self) -> None:
+        """Hear the incident, answer what time it is, and let everybody see that the post is there.
+
+        Who sees it may say at once what it waited with.
+        """
+        incident, post_id = self._incident.settings.incident, self._incident.settings.post_id
+        self._bus.subscribe(everything_of(incident), self._hear, self._inbox.wanted)
+        self._company.watch()
+        time_at_post = time_key(incident, post_id)
+        self._bus.answer(time_at_post, time_answerer(self._clock, time_at_post, self._sign))
+        self._bus.declare_alive(alive_key(incident, "post", post_id))
+
+    def _collector(self) -> Collector:
+        """Return who asks for what was missed, as long as the inbox has room for it."""
+        return Collector(
+            self._bus,
+            self._incident.settings.incident,
+            self._reception.missing,
+            self._hear_again,
+            has_room=lambda: len(self._inbox) < MOST_WAITING,
+            is_seen=lambda run: not self._inbox.refilled_of(f"{run.role}/{run.node_id}"),
+        )
+
+    def _take_turn(self, last: LastMessages) -> None:
+        """Handle what has come; if nothing has, what is due without."""
+        heard = self._inbox.get_some(MOST_AT_ONCE, self._until_due_s())
+        self._handle_all(heard, last)
+        if not heard:
+            self._pass_time()
+        self._heed_guests()
+        self._give_receipts()
+        self._keep_state()
+
+    def _go_round(self) -> None:
+        """Do what is to be done now and then, each thing whatever becomes of the others."""
+        rounds: tuple[tuple[str, Callable[[], None]], ...] = (
+            ("repeating orders", self._repeat_orders),
+            ("telling of the stations", self._tell_stations),
+            ("advising where DAPs are wanted", self._advise_sites),
+            ("showing the roster", self._tell_figures),
+        )
+        for what, do in rounds:
+            with self._going_on.survived(what):
+                do()
+        # What is kept is kept for good: going through it for cycles would stall a crowd.
+        gc.freeze()
+
+    def _finish(self, last: LastMessages) -> None:
+        """Handle what still waits, as long as there is time, and end the incident."""
         while len(self._inbox) and not last.is_over:
             self._handle_all(self._inbox.get_some(MOST_AT_ONCE), last)
         ended_ns = self._clock.now_ns()
         self._publish(self._recorded.finish(ended_ns))
         with self._going_on.survived("showing the roster"):
             self._show(self.roster(ended_ns))
-        for thread in at_work:
-            thread.join()
-        _log.info("refill", counts=dict(collector.counts))
-        self._tell_losses(last.unhandled)
 
     def roster(self, now_ns: int) -> Roster:
         """Return who is where at ``now_ns`` of the post's clock."""
@@ -238,27 +261,12 @@ class Post:
         self._show(roster)
         self._guests.show(roster)
         if self._metrics is not None:
-            self._metrics.show(self._figures(roster))
+            figures = figures_of(
+                roster, self._incident, self._gate, self._reception, self._inbox, self._recorder
+            )
+            self._metrics.show(figures)
         for stranger in self._strangers.noticed(self._at_links, self._gate.turned):
             self._take_own(*stranger_message(stranger, self._incident, roster.now_ns))
-
-    def _figures(self, roster: Roster) -> Figures:
-        estimates = self._incident.estimates.items()
-        return Figures(
-            roster=roster,
-            heard=self._reception.heard.copy(),
-            turned_away=by_reason(self._gate.turned.items()),
-            refused=by_reason(self._incident.refusals.items()),
-            not_heard=by_reason(self._inbox.lost().items()),
-            only_counted=self._reception.only_counted.total(),
-            waiting=len(self._inbox),
-            recorder=self._recorder.status(),
-            fusion=self._incident.counts,
-            estimate_ages_s={
-                responder_id: (roster.now_ns - estimate.time_ns) / NS_PER_S
-                for responder_id, estimate in estimates
-            },
-        )
 
     def _give_receipts(self) -> None:
         with self._reception.at_gate:
@@ -349,10 +357,14 @@ class Post:
         for order in self._repeats.due(self._incident.orders, alive, now_ns):
             self._voice.say([self._incident.said(structs.replace(order, said_ns=now_ns))])
 
-    def _tell_stations(self, *, some_came: bool) -> None:
+    def _advise_sites(self) -> None:
+        """Say where a DAP is wanted, if that is due."""
+        self._voice.say(self._sites.due(self._incident, self._clock.now_ns()))
+
+    def _tell_stations(self) -> None:
         """Say whose radios are whose if it is due; the first time for the record as well."""
         now_ns = self._clock.now_ns()
-        table = self._stations.due(time.monotonic(), now_ns, some_came=some_came)
+        table = self._stations.due(time.monotonic(), now_ns, some_came=self._company.tell())
         if table is None:
             return
         (said,) = self._voice.say([self._incident.said(table)])

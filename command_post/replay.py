@@ -113,7 +113,7 @@ def replay(
     """
     recording = read_recording(path)
     if isinstance(incident, OwnIncident):
-        incident.set_aside.attended(None, recording.put_aside())
+        incident.attended(None, recording.put_aside())
     comparison = _Comparison()
     handled = 0
     for log_time_ns, _, key, payload, outgoing in recording:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext
 from functools import partial
+from pathlib import Path
 from threading import Event
 
 import structlog
@@ -16,20 +16,17 @@ from dap_node.scanners.live import live_observations
 from dap_node.scanners.observation import Motion, Observation, SetDown
 from dap_node.scanners.opening import Playable
 from dap_node.self_installation import SelfInstallation
+from dap_node.settings import DapSettings
 from dap_node.work import Work
 from shared.bus.interface import Bus
-from shared.bus.refused_links import RefusedLinks
-from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import Clock, PacedClock, SystemClock
+from shared.bus.refused_links import counted_at_links
+from shared.clock import Clock
 from shared.exercise import await_exercise
 from shared.files import FileHeldError
 from shared.gate import Gate
-from shared.introductions import Introductions
 from shared.kept_stations import KeptStations
-from shared.messages import NodeId
-from shared.node import Node
-from shared.node_time import NodeTime
-from shared.outbox import JournalledOutbox
+from shared.messages import NodeId, StationTable
+from shared.node import Node, linked
 from shared.process import (
     ExitCode,
     set_by_button,
@@ -40,7 +37,7 @@ from shared.process import (
 from shared.radios.live import LiveSource
 from shared.radios.readings import RadioScan
 from shared.security.bundle import Bundle
-from shared.strangers import NOBODY, AtLinks
+from shared.strangers import AtLinks
 from shared.topics import Key, Role, alive_key
 
 POLL_S = 0.1
@@ -54,50 +51,57 @@ def work(told: Work) -> int:
     Return the process's exit code.
     """
     try:
-        incident, dap_id, bundle = told.incident, told.dap_id, told.open_keys()
-        settings, opened, kept = told.settings(), told.opened(), told.journal_file
-        listed = told.station_table()
+        bundle, settings, stations = told.open_keys(), told.settings(), told.station_table()
+        opened = told.opened()
         with (
             stop_on_signals() as stop,
             set_by_button() as button,
-            JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
-            nullcontext() if bundle is None else RefusedLinks() as links,
-            open_zenoh("router", told.dialled(bundle), told.endpoints(bundle), bundle) as bus,
-            Introductions(bus, incident, bundle) as introductions,
-        ):
+            counted_at_links(bundle) as at_links,
+            linked(
+                told.identity, told.incident, bundle, told.journal_file, stop,
+                connect=told.dialled(bundle), listen=told.endpoints(bundle),
+            ) as node,
+        ):  # fmt: skip
             if told.with_parent:
                 stop_with_parent(stop)
-            node = Node(
-                bus, incident, "dap", dap_id, outbox, introductions.signers,
-                PacedClock(SystemClock()), SystemClock().now_ns(), stop,
-            )  # fmt: skip
-            with (
-                NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
-                node.heartbeat(node_time.statement),
-            ):
-                known, place = KeptStations(kept), KeptStanding(kept, incident, dap_id)
-                is_live = not isinstance(opened, Playable)
-                dap = DapNode(
-                    bus, incident, dap_id, settings, outbox=outbox, gate=Gate(node.verifier),
-                    stations=listed or known.load(), keep_stations=known.keep,
-                    keep_place=place.keep if is_live else lambda _: None,
-                    watch=SelfInstallation(notices=told.by_itself) if is_live else None,
-                    at_links=NOBODY if links is None else AtLinks(links.counts, links.breaches),
-                    role_of=roles_of(bundle),
-                )  # fmt: skip
-                said = place.load() if is_live else _said_before(node)
-                if said is not None:
-                    dap.go_on(said)
+            with node.beating(told.journal_file):
+                new_dap = partial(
+                    _dap, node, told.journal_file, settings, stations, at_links, roles_of(bundle)
+                )
                 if isinstance(opened, Playable):
+                    dap = new_dap(watch=None)
                     _play(node, dap, opened, None if told.await_start else told.speed)
                 else:
+                    dap = new_dap(watch=SelfInstallation(notices=told.by_itself))
                     observations = live_observations(opened, node.clock, stop, button)
                     follow_live(node, dap, observations, partial(gone, opened))
-                bus.ask_no_more()
+                node.bus.ask_no_more()
     except (ValueError, OSError, FileHeldError) as error:
         _log.error(str(error))
         return ExitCode.FAILURE if isinstance(error, OSError) else ExitCode.USAGE
     return ExitCode.OK
+
+
+def _dap(
+    node: Node, journal: Path, settings: DapSettings, stations: StationTable | None,
+    at_links: AtLinks, role_of: Callable[[str], Role], *, watch: SelfInstallation | None,
+) -> DapNode:  # fmt: skip
+    """Return the DAP, standing where it did before it was broken off.
+
+    A real one, which a ``watch`` helps to find out where it stands, keeps that beside its
+    ``journal``; one of an exercise has said it.
+    """
+    known, place = KeptStations(journal), KeptStanding(journal, node.incident, node.node_id)
+    dap = DapNode(
+        node.bus, node.incident, node.node_id, settings, outbox=node.outbox,
+        gate=Gate(node.verifier), stations=stations or known.load(), keep_stations=known.keep,
+        keep_place=(lambda _: None) if watch is None else place.keep,
+        watch=watch, at_links=at_links, role_of=role_of,
+    )  # fmt: skip
+    said = _said_before(node) if watch is None else place.load()
+    if said is not None:
+        dap.go_on(said)
+    return dap
 
 
 def gone(sources: Sequence[LiveSource[RadioScan | Motion]]) -> list[str]:

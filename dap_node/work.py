@@ -53,11 +53,15 @@ class Work(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Read an object that has a key for each. Raises ``ValueError`` for anything else."""
         return msgspec.json.decode(text, type=cls, dec_hook=lambda kind, value: kind(value))
 
+    @property
+    def identity(self) -> Identity:
+        """Who it is. Raises ``ValueError`` for what is no id."""
+        return Identity("dap", check_id(self.dap_id, "--id"))
+
     def open_keys(self) -> Bundle | None:
         """Return the DAP's keys, if it has some. Raises ``ValueError`` for what cannot be used."""
         check_id(self.incident, "--incident")
-        identity = Identity("dap", check_id(self.dap_id, "--id"))
-        return open_keys(self.keys, identity, insecure=self.insecure)
+        return open_keys(self.keys, self.identity, insecure=self.insecure)
 
     def dialled(self, bundle: Bundle | None) -> tuple[str, ...]:
         """Return whom it dials."""

@@ -12,29 +12,25 @@ from __future__ import annotations
 
 import mmap
 import struct
-import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple, Self, TypeAlias
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Metadata
+from mcap.records import Chunk, Metadata
 from mcap.stream_reader import get_chunk_data_stream
 from numpy.typing import NDArray
 
-from shared.mcap_reader import ABOUT, CHANNEL, DROPPED, END, RESUMED, RecordedMessage
+from shared.mcap_contents import FRAME, ChunkAt, contents_of
+from shared.mcap_reader import ABOUT, DROPPED, END, RESUMED, RecordedMessage
 from shared.mcap_records import (
-    MAGIC,
     UNREADABLE,
     Damage,
-    Indexed,
-    RecordScan,
     is_finished,
     mapped,
     words,
@@ -46,13 +42,8 @@ __all__ = ["Gone", "IndexedRecording", "Series", "Spot"]
 KEPT_CHUNKS = 96
 """Unpacked chunks that are kept: a few dozen MB, and as many neighbours as a moment needs."""
 
-_FRAME = struct.Struct("<BQ")
-_FOOTER_BYTES = 20 + len(MAGIC)
-_FOOTER = struct.Struct("<QQI")
-_CHUNK_INDEX = struct.Struct("<QQQQI")
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
-_OFFSETS = np.dtype([("channel", "<u2"), ("offset", "<u8")])
 _ENTRIES = np.dtype([("time_ns", "<u8"), ("offset", "<u8")])
 
 Numbers: TypeAlias = NDArray[np.int64]
@@ -85,22 +76,6 @@ class Gone(NamedTuple):
     continued: bool
 
 
-class _Chunk(NamedTuple):
-    """``offsets``: where in the file the message index of each channel stands."""
-
-    file: int
-    begin_bytes: int
-    start_ns: int
-    end_ns: int
-    offsets: NDArray[np.void]
-
-
-class _Found(NamedTuple):
-    chunks: list[_Chunk]
-    channels: dict[int, Channel]
-    metadata: list[Metadata]
-
-
 class IndexedRecording:
     """The messages of one or several files of an incident, in their order, by key and by time.
 
@@ -115,7 +90,7 @@ class IndexedRecording:
         self.damages: list[Damage] = []
         self.finished = True
         self._files: list[mmap.mmap] = []
-        self._chunks: list[_Chunk] = []
+        self._chunks: list[ChunkAt] = []
         self._channels: dict[tuple[int, int], Series] = {}
         notes: list[Metadata] = []
         with ExitStack() as files:
@@ -134,12 +109,7 @@ class IndexedRecording:
         """Return it, open."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let the files go."""
         self._content.cache_clear()
         self._close()
@@ -210,7 +180,7 @@ class IndexedRecording:
         if content is None:
             return b""
         length = _MESSAGE.unpack_from(content, spot.offset)[1]
-        return content[spot.offset + _MESSAGE.size : spot.offset + _FRAME.size + length]
+        return content[spot.offset + _MESSAGE.size : spot.offset + FRAME.size + length]
 
     def _newest_place(self, series: Series, at_ns: int) -> tuple[int, int, int] | None:
         chunks, offsets = self._places.get(series, _NOWHERE)
@@ -249,7 +219,7 @@ class IndexedRecording:
             self.damages.append(Damage(begin_bytes, 0, "its index names what is no message"))
             return None
         _, length, _, _, log_ns, publish_ns = _MESSAGE.unpack_from(content, spot.offset)
-        payload = content[spot.offset + _MESSAGE.size : spot.offset + _FRAME.size + length]
+        payload = content[spot.offset + _MESSAGE.size : spot.offset + FRAME.size + length]
         return RecordedMessage(log_ns, publish_ns, series.key, payload, series.outgoing), spot
 
     def _entries(self, chunk: int, index_bytes: int) -> NDArray[np.void]:
@@ -268,8 +238,8 @@ class IndexedRecording:
         chunk = self._chunks[number]
         data = self._files[chunk.file]
         try:
-            opcode, length = _FRAME.unpack_from(data, chunk.begin_bytes)
-            begin = chunk.begin_bytes + _FRAME.size
+            opcode, length = FRAME.unpack_from(data, chunk.begin_bytes)
+            begin = chunk.begin_bytes + FRAME.size
             if opcode != Opcode.CHUNK or begin + length > len(data):
                 raise ValueError("no chunk where its index says that one is")
             record = Chunk.read(ReadDataStream(BytesIO(data[begin : begin + length])))
@@ -282,10 +252,9 @@ class IndexedRecording:
     def _take(self, number: int) -> list[Metadata]:
         """Find out where everything of a file is; return what it says besides."""
         data = self._files[number]
-        found = _indexed(data, number) if is_finished(data) else None
-        if found is None:
-            found = self._scanned(data, number)
+        found = contents_of(data, number)
         self.finished &= is_finished(data)
+        self.damages += found.damages
         self._chunks += found.chunks
         for each in found.channels.values():
             if not _NO_WIRE & each.metadata.keys():
@@ -296,68 +265,12 @@ class IndexedRecording:
                 self.metadata = note.metadata
         return found.metadata
 
-    def _scanned(self, data: mmap.mmap, number: int) -> _Found:
-        """Go through a file that has no index, or one that cannot be used."""
-        scan = RecordScan(data)
-        found = _Found([], {}, [])
-        offsets: list[tuple[int, int]] = []
-        for record, begin_bytes, _ in scan.placed():
-            if isinstance(record, Chunk):
-                offsets = []
-                times = (record.message_start_time, record.message_end_time)
-                found.chunks.append(_Chunk(number, begin_bytes, *times, np.empty(0, _OFFSETS)))
-            elif isinstance(record, Indexed) and found.chunks:
-                offsets.append((record.channel_id, begin_bytes))
-                found.chunks[-1] = found.chunks[-1]._replace(offsets=np.array(offsets, _OFFSETS))
-            elif isinstance(record, Metadata):
-                found.metadata.append(record)
-                if record.name == CHANNEL:
-                    channel = _told_channel(record.metadata)
-                    found.channels.setdefault(channel.id, channel)
-        self.damages += scan.damages
-        return found
-
 
 _NO_WIRE = frozenset({"excerpt", "derived"})
 """Marks of channels whose messages are not as they were on the wire."""
 
 _NOWHERE: tuple[Numbers, Numbers] = (np.empty(0, np.int64), np.empty(0, np.int64))
 _NO_ENTRIES = np.empty(0, _ENTRIES)
-
-
-def _indexed(data: mmap.mmap, number: int) -> _Found | None:
-    """Return what a file's own index says; ``None`` if there is none that can be trusted."""
-    end = len(data) - _FOOTER_BYTES
-    start, _, crc = _FOOTER.unpack_from(data, end)
-    if not 0 < start < end or zlib.crc32(data[start : end + 16]) != crc:
-        return None
-    found = _Found([], {}, [])
-    position = start
-    while position < end - _FRAME.size:
-        opcode, length = _FRAME.unpack_from(data, position)
-        begin, position = position + _FRAME.size, position + _FRAME.size + length
-        if opcode == Opcode.CHUNK_INDEX:
-            found.chunks.append(_chunk_of(data, begin, number))
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(ReadDataStream(BytesIO(data[begin:position])))
-            found.channels[channel.id] = channel
-        elif opcode == Opcode.METADATA_INDEX:
-            (at,) = struct.unpack_from("<Q", data, begin)
-            _, size = _FRAME.unpack_from(data, at)
-            body = data[at + _FRAME.size : at + _FRAME.size + size]
-            found.metadata.append(Metadata.read(ReadDataStream(BytesIO(body))))
-    found.chunks.sort(key=lambda each: each.begin_bytes)
-    return found
-
-
-def _chunk_of(data: mmap.mmap, begin: int, number: int) -> _Chunk:
-    start_ns, end_ns, at, _, size = _CHUNK_INDEX.unpack_from(data, begin)
-    first = begin + _CHUNK_INDEX.size
-    return _Chunk(number, at, start_ns, end_ns, np.frombuffer(data[first : first + size], _OFFSETS))
-
-
-def _told_channel(told: dict[str, str]) -> Channel:
-    return Channel(int(told["id"]), told["topic"], "", told, 0)
 
 
 def _gone(notes: Iterable[Metadata]) -> Gone:
@@ -371,7 +284,7 @@ def _gone(notes: Iterable[Metadata]) -> Gone:
 
 
 def _by_series(
-    chunks: Sequence[_Chunk], channels: dict[tuple[int, int], Series]
+    chunks: Sequence[ChunkAt], channels: dict[tuple[int, int], Series]
 ) -> dict[Series, tuple[Numbers, Numbers]]:
     """Return for each series the chunks that have messages of it, and where their indexes are."""
     if not chunks:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
-from shared.bus.zenoh_bus import ZenohBus
-from shared.clock import PacedClock
+from shared.bus.zenoh_bus import ZenohBus, open_zenoh
+from shared.clock import PacedClock, SystemClock
 from shared.gate import Verifier
 from shared.heartbeat import Heartbeat
-from shared.messages import ClockStatement, NodeId, Supplies, TimeNs
+from shared.introductions import Introductions
+from shared.messages import NodeId, Supplies, TimeNs
+from shared.node_time import NodeTime
 from shared.outbox import JournalledOutbox
+from shared.security.bundle import Bundle
+from shared.security.certificates import Identity
 from shared.sender import Sender
 from shared.topics import Role
 
@@ -35,14 +41,42 @@ class Node(NamedTuple):
         """Return what says its messages, to be used by one thread."""
         return Sender(self.bus, self.incident, self.role, self.node_id, self.outbox)
 
-    def heartbeat(
-        self,
-        clock_statement: Callable[[bytes], ClockStatement | None],
-        supplies: Callable[[], Supplies | None] = lambda: None,
-    ) -> Heartbeat:
-        """Return its heartbeat, which answers for its journal and tells what it has left."""
-        return Heartbeat(
-            self.bus, self.incident, self.role, self.node_id, self.outbox,
-            verifier=self.verifier, now_ns=self.clock.now_ns, clock_statement=clock_statement,
-            supplies=supplies,
+    @contextmanager
+    def beating(
+        self, journal: Path, supplies: Callable[[], Supplies | None] = lambda: None
+    ) -> Iterator[NodeTime]:
+        """Give its time at the post; meanwhile its heartbeat tells that, and what it has left.
+
+        The heartbeat answers for the ``journal`` as well, beside which the time is noted.
+        """
+        with (
+            NodeTime(
+                self.bus, self.incident, self.clock, self.outbox, journal, self.verifier
+            ) as node_time,
+            Heartbeat(
+                self.bus, self.incident, self.role, self.node_id, self.outbox,
+                verifier=self.verifier, now_ns=self.clock.now_ns,
+                clock_statement=node_time.statement, supplies=supplies,
+            ),
+        ):  # fmt: skip
+            yield node_time
+
+
+@contextmanager
+def linked(
+    identity: Identity, incident: NodeId, bundle: Bundle | None, journal: Path, stop: Event,
+    *, connect: Sequence[str], listen: Sequence[str] = (),
+) -> Iterator[Node]:  # fmt: skip
+    """Give a node its journal and its links: a router where it listens, else a client.
+
+    Raises ``FileHeldError`` for a journal that another process has, and as ``open_zenoh``.
+    """
+    with (
+        JournalledOutbox(journal, None if bundle is None else bundle.sign) as outbox,
+        open_zenoh("router" if listen else "client", connect, listen, bundle) as bus,
+        Introductions(bus, incident, bundle) as introductions,
+    ):
+        yield Node(
+            bus, incident, *identity, outbox, introductions.signers,
+            PacedClock(SystemClock()), SystemClock().now_ns(), stop,
         )  # fmt: skip

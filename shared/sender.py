@@ -11,9 +11,7 @@ from shared.bus.interface import Bus
 from shared.codec import encode
 from shared.messages import Message, NodeId
 from shared.seal import RUN_BYTES, sealed, signed
-from shared.topics import TOPICS, Key, Role, Topic
-
-_TOPIC_OF = {topic.message: topic for topic in TOPICS.values()}
+from shared.topics import TOPIC_OF, Key, Role, Topic
 
 Sign = Callable[[bytes], bytes]
 """Makes the signature of a node under what it says."""
@@ -72,7 +70,7 @@ class Sender:
 
         It has the same role, if no other is given.
         """
-        topic = _TOPIC_OF[message].name
+        topic = TOPIC_OF[message].name
         return str(Key(self._incident, role or self._role, node_id or self.node_id, topic))
 
     def next_sequence(self, message: type[Message]) -> int:
@@ -83,7 +81,7 @@ class Sender:
 
     def send(self, message: Message) -> bytes:
         """Publish ``message`` and return the bytes that went out."""
-        topic = _TOPIC_OF[type(message)]
+        topic = TOPIC_OF[type(message)]
         key = self.key(type(message))
         payload = encode(message)
         if self._outbox is not None:

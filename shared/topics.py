@@ -117,6 +117,9 @@ TOPICS: dict[str, Topic] = {
     )
 }
 
+TOPIC_OF: dict[type[Message], Topic] = {topic.message: topic for topic in TOPICS.values()}
+"""The same table by what is sent: no two topics share a type of message."""
+
 _ID = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.messages import Message, OdometryIncrement, RssiPeak
+from shared.messages import Message, RssiPeak
 from tests.stride_world import at_ns, installation, stride, track_start
 
 STRIDE_M = 1.2
@@ -186,12 +186,3 @@ def _peak(time_s: float, responder_id: str, peak_dbm: float) -> RssiPeak:
         event_time_ns=at_ns(time_s), sequence=0, responder_id=responder_id, peak_dbm=peak_dbm,
         width_s=1.0, sample_count=9,
     )  # fmt: skip
-
-
-def moves_of(told: list[tuple[str, Message]], responder_id: str) -> list[OdometryIncrement]:
-    """Return the strides of one responder."""
-    return [
-        message
-        for node_id, message in told
-        if node_id == responder_id and isinstance(message, OdometryIncrement)
-    ]

@@ -3,18 +3,9 @@
 from __future__ import annotations
 
 from shared.simulation.imu_errors import ImuSettings
+from shared.simulation.legs import Climb, Gait, Leg, LevelGait, Move, Ride, Stand
 from shared.simulation.plan import Point
-from shared.simulation.scenario import (
-    Climb,
-    Gait,
-    Leg,
-    LevelGait,
-    Move,
-    Responder,
-    Ride,
-    Scenario,
-    Stand,
-)
+from shared.simulation.scenario import Responder, Scenario
 
 LEVEL_GAITS: tuple[LevelGait, ...] = ("walk", "fast_walk", "side_left", "side_right", "crawl")
 ALL_GAITS: tuple[Gait, ...] = (*LEVEL_GAITS, "stairs_up", "stairs_down", "ladder", "lift")

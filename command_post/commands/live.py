@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
 from typing import Annotated, NamedTuple
@@ -27,7 +27,7 @@ from command_post.resuming.resumption import Resumption
 from command_post.roster import Roster
 from command_post.table import roster_table
 from shared.bus.interface import Bus
-from shared.bus.refused_links import RefusedLinks
+from shared.bus.refused_links import counted_at_links
 from shared.bus.zenoh_bus import open_zenoh
 from shared.continued_clock import continued_clock
 from shared.files import FileHeldError, file_held_alone
@@ -41,7 +41,7 @@ from shared.process import (
 )
 from shared.security.bundle import Bundle
 from shared.sender import Unkept
-from shared.strangers import NOBODY, AtLinks
+from shared.strangers import AtLinks
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -98,6 +98,7 @@ def run(
         if refused is not None:
             _log.error(refused)
         bundle, stations = itself.open_keys(), who.station_table()
+        sign = None if bundle is None else bundle.sign
         settings = IncidentSettings(
             incident=itself.incident, post_id=itself.post_id, time_line=fusing.time_line,
             fusion=fusion, teams=who.crews(),
@@ -107,36 +108,30 @@ def run(
         mirror = Mirror(doors.place)
         with ended_by_signals():
             make_ready(settings.fusion)
-        with stop_on_signals() as stop, _linked(itself, bundle) as link:
+        with (
+            stop_on_signals() as stop,
+            _linked(itself, bundle) as link,
+            _recorded(keeping, settings, mirror) as recorder,
+            _shown(table) as show,
+            told(address, bundle) as figures,
+            doors.opened(
+                itself.incident, itself.post_id, bundle, fusing.plan, settings.teams.teams
+            ) as guests,
+        ):
             if with_parent:
                 stop_with_parent(stop)
-            with (
-                _recorded(keeping, settings, mirror) as recorder,
-                _shown(table) as show,
-                told(address, bundle) as figures,
-                doors.opened(
-                    itself.incident, itself.post_id, bundle, fusing.plan, settings.teams.teams
-                ) as guests,
-            ):
-                resumption = Resumption(keeping.record, recorder, settings)
-                post = Post(
-                    link.bus, resumption.begin(), recorder,
-                    continued_clock(keeping.noted_clock, goes_on=recorder.unfinished is not None),
-                    follows_exercise=await_start, show=show, gate=Gate(link.introductions.signers),
-                    outbox=Unkept(None if bundle is None else bundle.sign),
-                    meet=link.introductions.meet, sign=None if bundle is None else bundle.sign,
-                    metrics=figures, guests=guests,
-                    remarks=() if refused is None else (refused,),
-                    checkpoints=resumption.checkpoints, stations=stations,
-                    at_links=link.at_links,
-                )  # fmt: skip
-                with resumption.watched():
-                    # It can be broken off: the recording stays as it is, to be gone on with.
-                    with ended_by_signals():
-                        taken = resumption.take_up(post.take_up)
-                    if taken is not None:
-                        mirror.recall(taken.incident.standing)
-                    return _serve(post, recorder, stop, (*resumption.files, keeping.noted_clock))
+            resumption = Resumption(keeping.record, recorder, settings)
+            clock = continued_clock(keeping.noted_clock, goes_on=recorder.unfinished is not None)
+            post = Post(
+                link.bus, resumption.begin(), recorder, clock, follows_exercise=await_start,
+                show=show, gate=Gate(link.introductions.signers), outbox=Unkept(sign),
+                meet=link.introductions.meet, sign=sign, metrics=figures, guests=guests,
+                remarks=() if refused is None else (refused,),
+                checkpoints=resumption.checkpoints, stations=stations, at_links=link.at_links,
+            )  # fmt: skip
+            with resumption.watched():
+                _take_up(post, resumption, mirror)
+                return _serve(post, recorder, stop, (*resumption.files, keeping.noted_clock))
     except (ValueError, RecorderError, FileHeldError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
@@ -146,12 +141,11 @@ def run(
 def _linked(itself: PostItself, bundle: Bundle | None) -> Iterator[_Link]:
     """Give the bus, with who has introduced themselves on it."""
     with (
-        nullcontext() if bundle is None else RefusedLinks() as links,
+        counted_at_links(bundle) as at_links,
         open_zenoh("router", listen=itself.endpoints(bundle), bundle=bundle) as bus,
         Introductions(bus, itself.incident, bundle) as introductions,
     ):
-        turned_away = NOBODY if links is None else AtLinks(links.counts, links.breaches)
-        yield _Link(bus, introductions, turned_away)
+        yield _Link(bus, introductions, at_links)
 
 
 @contextmanager
@@ -165,6 +159,15 @@ def _recorded(keeping: Record, settings: IncidentSettings, mirror: Mirror) -> It
         ) as recorder,
     ):  # fmt: skip
         yield recorder
+
+
+def _take_up(post: Post, resumption: Resumption, mirror: Mirror) -> None:
+    """Have the post go on with what is unfinished, and draw once more what stands of it."""
+    # It can be broken off: the recording stays as it is, to be gone on with.
+    with ended_by_signals():
+        taken = resumption.take_up(post.take_up)
+    if taken is not None:
+        mirror.recall(taken.incident.standing)
 
 
 def _serve(post: Post, recorder: Recorder, stop: Event, to_go_on: Sequence[Path]) -> ExitCode:

@@ -36,11 +36,11 @@ from shared.security.certificates import Identity
 from shared.security.opening import local_endpoint, open_keys
 from shared.sender import Sender, Unkept
 from shared.topics import alive_key, check_id
+from shared.units import NS_PER_MS
 
 FIND_POST_S = 5.0
 ANSWER_S = 5.0
 ASK_PERIOD_S = 0.5
-NS_PER_MS = 1_000_000
 
 Deviation = Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))]
 

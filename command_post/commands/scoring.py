@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -12,13 +13,13 @@ from rich.console import Console
 from command_post.evaluation.errors import measure
 from command_post.evaluation.evidence import Evidence
 from command_post.evaluation.score_card import Score, score
-from command_post.evaluation.track_difference import differences
+from command_post.evaluation.track_difference import TrackDifference, differences
 from command_post.fusion.settings import FusionMethod
 from command_post.incident import Incident
 from command_post.nodes.notice_log import log_faults
 from command_post.rehearsing.picture import draw_tracks
 from command_post.rehearsing.score_table import score_table
-from command_post.replay import Sides, recorded_settings
+from command_post.replay import ReplayReport, Sides, recorded_settings
 from command_post.replay import replay as replay_recording
 from command_post.review.comparison import other_settings
 from shared.config import ConfigError
@@ -68,27 +69,35 @@ def replay(
         return ExitCode.USAGE
     apart = differences(sides.then.tracks("live"), sides.now.tracks("live"))
     if json:
-        told = {
-            "handled": report.handled,
-            "equal": report.equal,
-            "different": report.different,
-            "missing": report.missing,
-            "extra": report.extra,
-            "unconfirmed": report.unconfirmed,
-            "identical": report.identical,
-            "recording_complete": report.reading.complete,
-            "tracks": apart,
-        }
-        _print_json(told)
+        _print_json(_as_json(report, apart))
     else:
-        Console().print(str(report), markup=False, highlight=False)
-        for name, each in ({} if report.identical else apart).items():
-            Console().print(
-                f"{name}: {each.median_m:.2f} m from the recorded track in the median, "
-                f"{each.p95_m:.2f} m at 95 %, {each.most_m:.2f} m at most",
-                highlight=False,
-            )
+        _print_report(report, apart)
     return ExitCode.OK if report.identical else ExitCode.FAILURE
+
+
+def _as_json(report: ReplayReport, apart: Mapping[str, TrackDifference]) -> dict[str, object]:
+    return {
+        "handled": report.handled,
+        "equal": report.equal,
+        "different": report.different,
+        "missing": report.missing,
+        "extra": report.extra,
+        "unconfirmed": report.unconfirmed,
+        "identical": report.identical,
+        "recording_complete": report.reading.complete,
+        "tracks": apart,
+    }
+
+
+def _print_report(report: ReplayReport, apart: Mapping[str, TrackDifference]) -> None:
+    """Print what a replay found; of tracks that are others, how far they are ``apart``."""
+    Console().print(str(report), markup=False, highlight=False)
+    for name, each in ({} if report.identical else apart).items():
+        Console().print(
+            f"{name}: {each.median_m:.2f} m from the recorded track in the median, "
+            f"{each.p95_m:.2f} m at 95 %, {each.most_m:.2f} m at most",
+            highlight=False,
+        )
 
 
 def score_file(

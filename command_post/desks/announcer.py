@@ -12,7 +12,7 @@ from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.track import Estimate
 from shared.codec import encode
 from shared.messages import Alert, DapEstimate, MaydayAnswer, Message, NodeId, TrackEstimate
-from shared.topics import Key
+from shared.topics import TOPIC_OF, Key
 
 
 class Outgoing(NamedTuple):
@@ -40,20 +40,20 @@ class Announcer:
         """Number what is said from now on as it is to be next, by topic."""
         self._sequences = Counter(next_sequences)
 
-    def outgoing(self, message: Message, topic: str) -> Outgoing:
+    def outgoing(self, message: Message) -> Outgoing:
         """Return a message as it is to be published."""
-        key = Key(self._incident, "post", self._post_id, topic)
+        key = Key(self._incident, "post", self._post_id, TOPIC_OF[type(message)].name)
         return Outgoing(str(key), encode(message))
 
     def alert(self, alert: Alert) -> Outgoing:
         """Say how an alert stands."""
         numbered = msgspec.structs.replace(alert, sequence=self.next_sequence("alert"))
-        return self.outgoing(numbered, "alert")
+        return self.outgoing(numbered)
 
     def mayday_answer(self, answer: MaydayAnswer) -> Outgoing:
         """Answer whoever calls mayday."""
         number = self.next_sequence("mayday_answer")
-        return self.outgoing(msgspec.structs.replace(answer, sequence=number), "mayday_answer")
+        return self.outgoing(msgspec.structs.replace(answer, sequence=number))
 
     def track(self, responder_id: str, estimate: Estimate) -> Outgoing:
         """Say where a responder is held to be."""
@@ -74,8 +74,7 @@ class Announcer:
                 floors=estimate.floors,
                 status=estimate.status,
                 reason=estimate.reason,
-            ),
-            "track",
+            )
         )
 
     def dap_place(self, dap_id: str, dap: InstalledDap, said_ns: int) -> Outgoing:
@@ -86,6 +85,5 @@ class Announcer:
                 sequence=self.next_sequence("dap_place"),
                 dap_id=dap_id,
                 position=dap.position,
-            ),
-            "dap_place",
+            )
         )

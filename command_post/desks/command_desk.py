@@ -110,7 +110,7 @@ class CommandDesk:
             return []
         number = self._announcer.next_sequence("origin")
         said = structs.replace(message, event_time_ns=now_ns, sequence=number)
-        self.origin = self._announcer.outgoing(said, "origin")
+        self.origin = self._announcer.outgoing(said)
         return [self.origin]
 
     def _order(
@@ -132,5 +132,5 @@ class CommandDesk:
             refusal=refusal,
             waited_for=waited_for,
         )
-        outgoing = [] if order is None else [self._announcer.outgoing(order, "order")]
-        return [*outgoing, self._announcer.outgoing(answer, "order_answer")]
+        outgoing = [] if order is None else [self._announcer.outgoing(order)]
+        return [*outgoing, self._announcer.outgoing(answer)]

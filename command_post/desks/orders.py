@@ -10,9 +10,8 @@ from collections.abc import Collection, Iterator
 from typing import Literal, NamedTuple, TypeAlias
 
 from shared.messages import NodeId, Order, OrderReply, OrderRequest
-from shared.units import NS_PER_S
+from shared.units import NS_PER_MS, NS_PER_S
 
-NS_PER_MS = 1_000_000
 REPEAT_NS = 3 * NS_PER_S
 """An order is said again so long after it was said last, while somebody who is alive has not
 acknowledged it."""

@@ -173,9 +173,7 @@ def _pooled(runs: Sequence[MethodErrors], redrawn: Redrawn | None) -> PooledMeth
         coverage95_pct=coverage_pct(tracks),
         wrong_floor_pct=_wrong_floor_pct(tracks),
         vertical=Vertical(*height) if height else None,
-        nees=Consistency(float(squared.mean()), float(np.median(squared)))
-        if squared.size
-        else None,
+        nees=_consistency(squared),
         eag_m_s=float(np.median(gradients)) if gradients else None,
         ipin_m=ipin[0] if ipin else None,
         intervals=_intervals(runs, redrawn),

@@ -8,14 +8,28 @@ a replay, at the same place, so that this makes the same of it.
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import PurePath
 from typing import NamedTuple
 
 from shared.topics import Role
 
 MOST_KEPT = 100
+
+
+@contextmanager
+def got_over(note: Callable[[Exception], object]) -> Iterator[None]:
+    """Break off what is done within at an exception, and ``note`` it.
+
+    What is no fault of ours goes on upwards: interrupts, and memory that has run out.
+    """
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:
+        note(error)
 
 
 class Mishap(NamedTuple):
@@ -45,18 +59,11 @@ class Mishaps:
     def __init__(self) -> None:
         self._found: list[Mishap] = []
 
-    @contextmanager
-    def survived(self, what: str, role: Role | None = None, node_id: str = "") -> Iterator[None]:
-        """Break off what is done within at an exception, and note it.
-
-        What is no fault of ours goes on upwards: interrupts, and memory that has run out.
-        """
-        try:
-            yield
-        except MemoryError:
-            raise
-        except Exception as error:
-            self.note(error, what, role, node_id)
+    def survived(
+        self, what: str, role: Role | None = None, node_id: str = ""
+    ) -> AbstractContextManager[None]:
+        """Break off what is done within at an exception, and note it."""
+        return got_over(lambda error: self.note(error, what, role, node_id))
 
     def note(
         self, error: Exception, what: str, role: Role | None = None, node_id: str = ""

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from command_post.incident import Incident
+from command_post.reception import Reception
 from command_post.recorder.backlog import RecorderStatus
+from command_post.recorder.recording import Recorder
 from command_post.roster import Roster
+from shared.bus.fair_inbox import FairInbox
+from shared.gate import Gate
+from shared.units import NS_PER_S
 
 
 class Figures(NamedTuple):
@@ -29,6 +35,28 @@ class Figures(NamedTuple):
     recorder: RecorderStatus
     fusion: Mapping[str, int]
     estimate_ages_s: Mapping[str, float]
+
+
+def figures_of(
+    roster: Roster, incident: Incident, gate: Gate, reception: Reception, inbox: FairInbox[Any],
+    recorder: Recorder,
+) -> Figures:  # fmt: skip
+    """Return what all of them have counted by the time that ``roster`` is of."""
+    return Figures(
+        roster=roster,
+        heard=reception.heard.copy(),
+        turned_away=by_reason(gate.turned.items()),
+        refused=by_reason(incident.refusals.items()),
+        not_heard=by_reason(inbox.lost().items()),
+        only_counted=reception.only_counted.total(),
+        waiting=len(inbox),
+        recorder=recorder.status(),
+        fusion=incident.counts,
+        estimate_ages_s={
+            responder_id: (roster.now_ns - estimate.time_ns) / NS_PER_S
+            for responder_id, estimate in incident.estimates.items()
+        },
+    )
 
 
 def by_reason(counted: Iterable[tuple[tuple[str, str], int]]) -> Counter[str]:

@@ -14,25 +14,24 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import version
+from io import BufferedRandom
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 import msgspec
 import structlog
-from mcap.records import Channel, Schema
-from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 
-from command_post.recorder.channels import FileChannel, marked
+from command_post.recorder.channels import FileChannel
+from command_post.recorder.declarations import Declarations
 from command_post.recorder.differences import differences
 from command_post.recorder.last_bytes import LastBytes
 from command_post.recorder.layout import Declared, WholePart, ending, whole_part
-from command_post.recorder.mirror import Drawn, Mirror
-from command_post.recorder.schemas import MESSAGES, json_schema
+from command_post.recorder.mirror import Mirror
 from shared.codec import Refusal, decode, parse_key
 from shared.files import is_at, replace_atomically, sync_folder
 from shared.mcap_reader import (
     ABOUT,
-    CHANNEL,
     DROPPED,
     END,
     RESUMED,
@@ -48,9 +47,6 @@ from shared.topics import TOPICS, WIRE_VERSION
 CHUNK_BYTES = 1 << 18
 """A chunk is closed when it holds this much, so that rare topics are quick to read."""
 
-MAX_CHANNELS = 4096
-"""Messages under further keys are kept as excerpts: made-up keys must not exhaust the format."""
-
 MAX_PAYLOAD_BYTES = 1 << 20
 """What is kept of one message; far more than the codec accepts, so replay refuses it as well."""
 
@@ -60,8 +56,7 @@ EXCERPTS = "clew/excerpts"
 MOST_TOLD = 4
 """How much is told of how two recordings differ."""
 
-_NO_SCHEMA = 0
-
+_Mode: TypeAlias = Literal["r+b", "w+b", "x+b"]
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -106,9 +101,7 @@ class RecordingFile:
         self.synced_bytes = 0
         """How much of it would survive a power cut."""
 
-        self._channels: dict[FileChannel, int] = {}
-        self._schemas: dict[str, int] = {}
-        self._declared = Declared()
+        self._declarations = Declarations(Declared())
         self._mirror = mirror
         self._link = link
         self._metadata = metadata
@@ -117,27 +110,20 @@ class RecordingFile:
         self._messages = self._synced_messages = 0
         if path.exists() and not replace:
             raise RecorderError(f"{path}: is there already; give the recording another name")
-        whole = self._to_be_resumed(metadata) if resume else None
-        mode = "r+b" if whole is not None else "w+b" if replace or resume else "x+b"
-        try:
-            self._stream = self.part.open(mode)
-        except FileExistsError:
-            raise RecorderError(
-                f"{self.part}: an unfinished recording; move it, or give this one another name"
-            ) from None
-        except OSError as error:
-            raise _cannot_be_written(path, error) from error
+        whole = self._to_be_resumed() if resume else None
+        mode: _Mode = "r+b" if whole is not None else "w+b" if replace or resume else "x+b"
+        self._stream = self._opened(mode)
         self._writer = self._new_writer()
         try:
             if whole is None:
-                self._begin(metadata)
+                self._begin()
             else:
                 self._resume(whole)
         except OSError as error:
             self.abandon()
             raise _cannot_be_written(path, error) from error
 
-    def _to_be_resumed(self, metadata: Mapping[str, str]) -> WholePart | None:
+    def _to_be_resumed(self) -> WholePart | None:
         """Return what is whole of the file; ``None`` if nothing was recorded in it yet.
 
         Raises ``RecorderError`` if it is not to be gone on with.
@@ -154,7 +140,7 @@ class RecordingFile:
             return None
         if whole.ended:
             raise RecorderError(f"{part}: is of an incident that was ended; {elsewhere}")
-        differ = differences(whole.about, metadata)
+        differ = differences(whole.about, self._metadata)
         if differ:
             told = "; ".join(differ[:MOST_TOLD])
             raise RecorderError(f"{part}: was begun with other settings: {told}; {elsewhere}")
@@ -164,23 +150,27 @@ class RecordingFile:
             return None
         return whole
 
-    def _begin(self, metadata: Mapping[str, str]) -> None:
+    def _opened(self, mode: _Mode) -> BufferedRandom:
+        try:
+            return self.part.open(mode)
+        except FileExistsError:
+            raise RecorderError(
+                f"{self.part}: an unfinished recording; move it, or give this one another name"
+            ) from None
+        except OSError as error:
+            raise _cannot_be_written(self.path, error) from error
+
+    def _begin(self) -> None:
         software = {"software_version": version("clew"), "wire_version": WIRE_VERSION}
         self._writer.start(library=f"clew {version('clew')}")
-        self._writer.add_metadata(ABOUT, {**metadata, **software})
+        self._writer.add_metadata(ABOUT, {**self._metadata, **software})
         if self._link is not None:
             self._writer.add_metadata(PART, self._link().as_metadata())
         self.sync()
 
     def _resume(self, whole: WholePart) -> None:
         self.dropped_before = whole.dropped_count
-        self._declared = whole.declared.without_gaps()
-        for number, schema in self._declared.schemas.items():
-            self._schemas[schema.name] = number
-        for number, channel in self._declared.channels.items():
-            schema_of = self._declared.schemas.get(channel.schema_id)
-            name = None if schema_of is None else schema_of.name
-            self._channels[marked(channel.topic, name, channel.metadata)] = number
+        self._declarations = Declarations(whole.declared.without_gaps())
         self._go_on_at(whole.end_bytes)
         for message in whole.unindexed:
             self._writer.add_message(
@@ -196,12 +186,7 @@ class RecordingFile:
         self._stream.truncate(end_bytes)
         self._stream.seek(end_bytes)
         self._writer = self._new_writer()
-        for schema in self._declared.schemas.values():
-            self._writer.register_schema(schema.name, schema.encoding, schema.data)
-        for channel in self._declared.channels.values():
-            self._writer.register_channel(
-                channel.topic, channel.message_encoding, channel.schema_id, channel.metadata
-            )
+        self._declarations.declare_again(self._writer)
         self.is_resumed = True
 
     def _new_writer(self) -> Writer:
@@ -219,8 +204,7 @@ class RecordingFile:
             return self._begin_anew()
         self._stream = self.part.open("r+b")
         self._go_on_at(self.synced_bytes)
-        for number in range(self._synced_channels + 1, len(self._declared.channels) + 1):
-            self._tell_channel(self._declared.channels[number])
+        self._declarations.tell_again(self._writer, beyond=self._synced_channels)
         return 0
 
     def _begin_anew(self) -> int:
@@ -230,10 +214,10 @@ class RecordingFile:
             self.part.replace(aside)
         self._stream = self.part.open("w+b")
         self._writer = self._new_writer()
-        self._channels, self._schemas, self._declared = {}, {}, Declared()
+        self._declarations = Declarations(Declared())
         self.is_resumed, gone = False, self._synced_messages
         self._last_bytes = LastBytes()
-        self._begin(self._metadata)
+        self._begin()
         self._is_cut, self._messages, self._synced_messages = False, 0, 0
         if self._mirror is not None:
             self._mirror.draw_again()
@@ -255,11 +239,11 @@ class RecordingFile:
         message = parsed if isinstance(parsed, Refusal) else decode(parsed, payload)
         schema = None if isinstance(message, Refusal) else type(message).__name__
         channel = FileChannel(key, schema, outgoing)
-        if len(payload) > MAX_PAYLOAD_BYTES or not self._has_place(channel):
+        if len(payload) > MAX_PAYLOAD_BYTES or not self._declarations.has_place(channel):
             channel = FileChannel(EXCERPTS, None, outgoing, excerpt=True)
             payload = _excerpt(key, payload)
         self._writer.add_message(
-            self._channel_id(channel),
+            self._declarations.number_of(channel, self._writer),
             log_time=log_time_ns,
             data=payload,
             publish_time=log_time_ns if isinstance(message, Refusal) else message.event_time_ns,
@@ -303,7 +287,7 @@ class RecordingFile:
             self._put_back()
         self.synced_bytes = self._stream.tell()
         self._last_bytes.note(self._stream)
-        self._synced_channels = len(self._channels)
+        self._synced_channels = self._declarations.count
         self._synced_messages = self._messages
 
     def _put_back(self) -> None:
@@ -325,7 +309,7 @@ class RecordingFile:
         if self.is_resumed:
             # The library knows of what it has written itself since.
             self._writer.flush()
-            self._stream.write(ending(self.part, self._declared))
+            self._stream.write(ending(self.part, self._declarations.declared))
         else:
             self._writer.finish()
         self._stream.flush()
@@ -356,38 +340,10 @@ class RecordingFile:
         self._writer.flush()
         for drawn in mirror.take_all():
             channel = FileChannel(drawn.topic, drawn.schema, outgoing=False, derived=True)
-            if self._has_place(channel):
-                number = self._channel_id(channel, drawn)
+            if self._declarations.has_place(channel):
+                number = self._declarations.number_of(channel, self._writer, drawn)
                 self._writer.add_message(number, drawn.time_ns, drawn.data, drawn.time_ns)
         self._writer.flush()
-
-    def _has_place(self, channel: FileChannel) -> bool:
-        return channel in self._channels or len(self._channels) < MAX_CHANNELS
-
-    def _channel_id(self, channel: FileChannel, drawn: Drawn | None = None) -> int:
-        if channel not in self._channels:
-            marks = channel.marks
-            schema_id = self._schema_id(channel.schema, drawn) if channel.schema else _NO_SCHEMA
-            encoding = MessageEncoding.JSON if channel.derived else MessageEncoding.MessagePack
-            encoding = encoding if channel.schema or channel.excerpt else ""
-            number = self._writer.register_channel(channel.topic, encoding, schema_id, marks)
-            declared = Channel(number, channel.topic, encoding, marks, schema_id)
-            self._declared.channels[number] = declared
-            self._channels[channel] = number
-            self._tell_channel(declared)
-        return self._channels[channel]
-
-    def _tell_channel(self, channel: Channel) -> None:
-        marks = {"id": str(channel.id), "topic": channel.topic, **channel.metadata}
-        self._writer.add_metadata(CHANNEL, marks)
-
-    def _schema_id(self, name: str, drawn: Drawn | None) -> int:
-        if name not in self._schemas:
-            data = json_schema(MESSAGES[name]) if drawn is None else drawn.schema_data
-            number = self._writer.register_schema(name, SchemaEncoding.JSONSchema, data)
-            self._declared.schemas[number] = Schema(number, data, SchemaEncoding.JSONSchema, name)
-            self._schemas[name] = number
-        return self._schemas[name]
 
 
 def _cannot_be_written(path: Path, error: OSError) -> RecorderError:

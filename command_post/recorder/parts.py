@@ -52,7 +52,6 @@ class RecordingSet:
         path: Path,
         metadata: Mapping[str, str],
         *,
-        replace: bool = False,
         resume: bool = False,
         mirror: Mirror | None = None,
         rotation: Rotation | None = None,
@@ -72,9 +71,7 @@ class RecordingSet:
         """Whether a part is being ended, and the next one not begun."""
 
         self.number, self._dropped = _to_go_on_with(path, resume=resume)
-        self._file = self._opened(
-            self.number, self._link_to_previous, replace=replace, resume=resume
-        )
+        self._file = self._opened(self.number, self._link_to_previous, resume=resume)
         self.is_resumed = self._file.is_resumed or self.number > 1
         self.dropped_before = max(self._dropped, self._file.dropped_before)
         if self._dropped:
@@ -174,12 +171,10 @@ class RecordingSet:
         if self._dropped:
             self._file.mark_dropped(self._dropped)
 
-    def _opened(
-        self, number: int, link: Callable[[], Link], *, replace: bool = False, resume: bool = False
-    ) -> RecordingFile:
+    def _opened(self, number: int, link: Callable[[], Link], *, resume: bool) -> RecordingFile:
         return RecordingFile(
-            part_path(self.first, number), self._metadata, replace=replace, resume=resume,
-            mirror=self._mirror, link=link if number > 1 else None,
+            part_path(self.first, number), self._metadata, resume=resume, mirror=self._mirror,
+            link=link if number > 1 else None,
         )  # fmt: skip
 
     def _link_to_previous(self) -> Link:

@@ -12,7 +12,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import structlog
@@ -93,7 +92,6 @@ class Recorder:
         path: Path,
         metadata: Mapping[str, str],
         *,
-        replace: bool = False,
         resume: bool = False,
         mirror: Mirror | None = None,
         rotation: Rotation | None = None,
@@ -103,9 +101,7 @@ class Recorder:
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         """Begin the recording, or go on with it. Raises ``RecorderError`` as ``RecordingFile``."""
-        self._file = RecordingSet(
-            path, metadata, replace=replace, resume=resume, mirror=mirror, rotation=rotation
-        )
+        self._file = RecordingSet(path, metadata, resume=resume, mirror=mirror, rotation=rotation)
         self.unfinished = where_part_is(path, 1) if self._file.is_resumed else None
         """Where the recording is that it goes on with, if so: to be read before anything is put."""
 
@@ -220,12 +216,7 @@ class Recorder:
         """Return the recorder, at work."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Close; after an error leave the recording unfinished, to be gone on with."""
         self._finishes = kind is None
         self.close()

@@ -87,7 +87,7 @@ class Resumption:
         return (*self._states, self._gist, before_path(self._gist), self._handled)
 
     def _attended(self, incident: Incident) -> Incident:
-        incident.set_aside.attended(self._handling, self._ends.put_aside)
+        incident.attended(self._handling, self._ends.put_aside)
         return incident
 
     def _opened(self) -> Handling | None:

@@ -6,7 +6,6 @@ import multiprocessing
 import threading
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
-from types import TracebackType
 from typing import NamedTuple, Self
 
 from command_post.review.wishes import Compared, Sources, Wish
@@ -66,12 +65,7 @@ class Background:
         """Return it, idle."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Give up what is not done."""
         with self._lock:
             self._give_up()

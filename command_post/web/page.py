@@ -20,15 +20,12 @@ from command_post.web.pipe import ALIVE
 from shared.bus.inbox import Inbox
 from shared.codec import encode
 from shared.messages import Message, NodeId
-from shared.topics import TOPICS, Key
+from shared.topics import TOPIC_OF, Key
+from shared.units import NS_PER_MS
 
 MOST_REQUESTS = 256
 KEEP_UP_S = 0.5
 """So often at least is taken in what the post has left, whether anybody looks or not."""
-
-NS_PER_MS = 1_000_000
-
-_TOPIC_OF = {topic.message: topic.name for topic in TOPICS.values()}
 
 
 class Page:
@@ -116,7 +113,7 @@ class Page:
 
     def ask(self, name: NodeId, message: Message) -> None:
         """Have the post do what ``name`` asks for in ``message``."""
-        key = Key(self._incident, "post", name, _TOPIC_OF[type(message)])
+        key = Key(self._incident, "post", name, TOPIC_OF[type(message)].name)
         self._requests.put((str(key), encode(message)))
 
     def say_alive(self) -> None:

@@ -17,7 +17,6 @@ from shared.clock import ManualClock
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS, seeds_in
 from shared.messages import NodeId
 from shared.process import ExitCode, end_with_parent, quieten_logging
-from shared.simulation.faults import NONE
 from shared.simulation.scenario import Scenario, load_scenario
 from shared.units import NS_PER_S
 
@@ -81,7 +80,7 @@ def rehearse_dap(
     """
     folder.mkdir(parents=True, exist_ok=True)
     clock = ManualClock()
-    ahead_ns = round(scenario.faults.get(dap_id, NONE).clock_ahead_s * NS_PER_S)
+    ahead_ns = round(scenario.fault_of(dap_id).clock_ahead_s * NS_PER_S)
     with WireLogBus(folder / f"{dap_id}.wire", clock) as bus:
         node = DapNode(bus, REHEARSAL_INCIDENT, dap_id, sends_rssi=sends_rssi)
         for observation in SimulatedScanner(scenario, dap_id, seed).observations(

@@ -19,8 +19,8 @@ from msgspec import Meta
 
 from shared.messages import PowerDbm, TimeNs
 from shared.radios.readings import RadioScan, Reading, ScannerError
-from shared.radios.station_counters import NS_PER_MS
 from shared.stations import Stations, parse_address
+from shared.units import NS_PER_MS
 
 EMPTY_SCAN_NS = 250_000_000
 """Where nothing was heard for longer, empty scans say that time went by."""

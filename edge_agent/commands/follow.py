@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
-from dataclasses import asdict
-from itertools import dropwhile
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from threading import Event
 from typing import Annotated
@@ -18,51 +16,35 @@ from edge_agent.agent import Agent
 from edge_agent.commands.prepare import prepared_mount
 from edge_agent.commands.unit_options import Beginning, Devices, UnitItself, Worn
 from edge_agent.drop_desk import DropDesk, tell_wearer_to_set_down
+from edge_agent.following import play, take_part, tell_losses
 from edge_agent.mayday import MaydayCall
 from edge_agent.mayday_controls import Control, InputButton, UnitSocket, socket_path
 from edge_agent.mayday_desk import MaydayDesk
-from edge_agent.mounts.interface import Faults, Mount
+from edge_agent.mounts.interface import Mount
 from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
 from edge_agent.radio_desk import RadioDesk
 from edge_agent.site_desk import SiteDesk
 from edge_agent.sources.opening import open_source
-from edge_agent.sources.reading import Reading, Source
 from edge_agent.sources.recording import SourceError
 from edge_agent.supply_gauge import SupplyGauge
-from shared.bus.zenoh_bus import open_zenoh
-from shared.clock import Clock, PacedClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
 from shared.config import ConfigError
-from shared.exercise import await_exercise
 from shared.files import FileHeldError
 from shared.gate import Gate
-from shared.introductions import Introductions
 from shared.kept_stations import KeptStations
-from shared.messages import LocalPosition, Mayday, NodeId, TrackStart
-from shared.node import Node
-from shared.node_time import NodeTime
-from shared.outbox import JournalledOutbox
+from shared.messages import LocalPosition, Mayday, TrackStart
+from shared.node import Node, linked
 from shared.process import (
     ExitCode,
     ended_by_signals,
     set_by_button,
     stop_on_signals,
     stop_with_parent,
-    wait_until,
 )
 from shared.radios.opening import open_radios
 from shared.sender import Sender
-from shared.topics import alive_key, finished_key
-
-LINGER_POLL_S = 0.2
-MOST_LINGER_S = 10.0
-"""A post that is there and has not said in so long that all is safe will not say so."""
-
-WAIT_AHEAD_NS = 10_000_000
-"""Samples this close together are taken without a wait between them."""
-TICK_NS = 500_000_000
-"""While no sample comes, the agent is told this often how late it is."""
+from shared.topics import alive_key
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -113,50 +95,44 @@ def run(
 
     """
     try:
-        incident, responder_id, bundle = itself.incident, itself.responder_id, itself.open_keys()
+        bundle = itself.open_keys()
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
             follower = prepared_mount(
                 worn.mount, worn.method, told=worn.told, driven_speed_m_s=worn.driven_speed
             )
         opened = open_source(
-            source, responder_id, seed, worn.mount, bundle, hears_daps=has.daps > 0
+            source, itself.responder_id, seed, worn.mount, bundle, hears_daps=has.daps > 0
         )
         known_point, place = beginning.known_point, beginning.place or opened.start
-        radios, kept = open_radios(has.radio, "--radio"), itself.journal_file
+        radios = open_radios(has.radio, "--radio")
         with (
             stop_on_signals() as stop,
             set_by_button() as acknowledged,
-            JournalledOutbox(kept, None if bundle is None else bundle.sign) as outbox,
-            open_zenoh("client", connect=itself.dialled(bundle), bundle=bundle) as bus,
-            Introductions(bus, incident, bundle) as introductions,
-        ):
+            linked(
+                itself.identity, itself.incident, bundle, itself.journal_file, stop,
+                connect=itself.dialled(bundle),
+            ) as node,
+        ):  # fmt: skip
             if with_parent:
                 stop_with_parent(stop)
-            node = Node(
-                bus, incident, "responder", responder_id, outbox, introductions.signers,
-                PacedClock(SystemClock()), SystemClock().now_ns(), stop,
-            )  # fmt: skip
             drop_desk = _drop_desk(node.sender(), has.daps)
             agent = _agent(node, follower, worn, place, known_point, imu=imu, drop_desk=drop_desk)
-            bus.answer(node.sender().key(TrackStart), lambda _: agent.start_payload)
+            node.bus.answer(node.sender().key(TrackStart), lambda _: agent.start_payload)
             with (
-                NodeTime(bus, incident, node.clock, outbox, kept, node.verifier) as node_time,
-                node.heartbeat(node_time.statement, SupplyGauge(has.supplies)),
-                _order_desk(node, itself.post_id, acknowledged, node_time),
-                _mayday_desk(node, itself.post_id, kept, has.button, opened.controls),
-                RadioDesk(node, radios, KeptStations(kept), has.radio_offset, drop_desk),
-                nullcontext()
-                if drop_desk is None
-                else SiteDesk(node, itself.post_id, drop_desk, node_time.post_time_ns),
+                _orders_heeded(node, itself, acknowledged, drop_desk, has.supplies),
+                _mayday_desk(node, itself, has.button, opened.controls),
+                RadioDesk(
+                    node, radios, KeptStations(itself.journal_file), has.radio_offset, drop_desk
+                ),
             ):
-                bus.declare_alive(alive_key(incident, "responder", responder_id))
+                node.bus.declare_alive(alive_key(node.incident, node.role, node.node_id))
                 if await_start:
-                    _take_part(node, agent, opened)
+                    take_part(node, agent, opened)
                 else:
-                    _play(node, agent, opened, speed)
-                bus.ask_no_more()
-            tell_losses(agent, follower.faults, bus.unsent)
+                    play(node, agent, opened, speed)
+                node.bus.ask_no_more()
+            tell_losses(agent, follower.faults, node.bus.unsent)
     except (SourceError, ConfigError, ValueError, FileHeldError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
@@ -185,19 +161,30 @@ def _drop_desk(sender: Sender, daps: int) -> DropDesk | None:
     return DropDesk(sender, daps, tell_wearer_to_set_down) if daps else None
 
 
-def _order_desk(node: Node, post_id: NodeId, acknowledged: Event, node_time: NodeTime) -> OrderDesk:
-    """Return where the orders of the post ``post_id`` come in."""
-    return OrderDesk(
-        node.bus, node.incident, OrderBook(node.node_id, post_id), node.sender(),
-        Gate(node.verifier), node.clock, acknowledged, tell_wearer, node_time.post_time_ns,
-    )  # fmt: skip
+@contextmanager
+def _orders_heeded(
+    node: Node, itself: UnitItself, acknowledged: Event, drop_desk: DropDesk | None,
+    supplies: Path | None,
+) -> Iterator[None]:  # fmt: skip
+    """Have the unit's heart beat, and heed what its post orders, by the time that it is there."""
+    with (
+        node.beating(itself.journal_file, SupplyGauge(supplies)) as node_time,
+        OrderDesk(
+            node.bus, node.incident, OrderBook(node.node_id, itself.post_id), node.sender(),
+            Gate(node.verifier), node.clock, acknowledged, tell_wearer, node_time.post_time_ns,
+        ),
+        nullcontext()
+        if drop_desk is None
+        else SiteDesk(node, itself.post_id, drop_desk, node_time.post_time_ns),
+    ):  # fmt: skip
+        yield
 
 
 def _mayday_desk(
-    node: Node, post_id: NodeId, journal: Path, button: Path | None, others: Sequence[Control]
+    node: Node, itself: UnitItself, button: Path | None, others: Sequence[Control]
 ) -> MaydayDesk:
     """Return where the wearer calls for help; a call that a kill broke off goes on."""
-    call, sender = MaydayCall(node.node_id, post_id), node.sender()
+    call, sender = MaydayCall(node.node_id, itself.post_id), node.sender()
     said = node.outbox.newest(sender.key(Mayday)) if node.outbox.broken_off else None
     key = parse_key(sender.key(Mayday))
     if said is not None and not isinstance(key, Refusal):
@@ -207,78 +194,8 @@ def _mayday_desk(
     controls = [*others, *([] if button is None else [InputButton(button)])]
     # Where there is no such socket (Windows) there is the button alone.
     if hasattr(socket, "AF_UNIX"):
-        controls.append(UnitSocket(socket_path(journal)))
+        controls.append(UnitSocket(socket_path(itself.journal_file)))
     return MaydayDesk(
         node.bus, node.incident, call, sender, Gate(node.verifier), node.clock, controls,
         node.bus.connected,
     )  # fmt: skip
-
-
-def _play(node: Node, agent: Agent, source: Source, speed: float) -> None:
-    """Follow ``source`` from now on, link or no link, and stay until a post has all of it."""
-    begin_ns = node.clock.now_ns()
-    node.clock.run_from(begin_ns, speed)
-    if _follow(agent, source.beginning_at(begin_ns), node.clock, node.stop):
-        _wait_until_safe(node)
-
-
-def _wait_until_safe(node: Node) -> None:
-    """Wait until a post has all that the journal holds safe; not for one that never says so."""
-    waited_s = 0.0
-    while waited_s < MOST_LINGER_S and not node.stop.wait(LINGER_POLL_S):
-        if all(each.acknowledged == each.last_number for each in node.outbox.holdings()):
-            return
-        waited_s = waited_s + LINGER_POLL_S if node.bus.connected() else 0.0
-    _log.warning("what no post has yet stays in the journal: the next start brings it there")
-
-
-def _take_part(node: Node, agent: Agent, source: Source) -> None:
-    """Follow ``source`` from the start of the exercise, at its speed.
-
-    Who comes later follows it from then on: what a sensor read before is gone. The wearer then
-    stays where they are, until the exercise is over for everybody.
-    """
-    exercise = await_exercise(node.bus, node.incident, Gate(node.verifier), node.stop)
-    if exercise is None:
-        return
-    begin_ns = exercise.event_time_ns
-    node.clock.run_from(begin_ns, exercise.speed)
-    readings = source.beginning_at(begin_ns)
-    if begin_ns < node.came_ns:
-        now_ns = node.clock.now_ns()
-        readings = dropwhile(lambda reading: reading.time_ns < now_ns, readings)
-        agent.forget_place()
-    _follow(agent, readings, node.clock, node.stop)
-    node.bus.declare_alive(finished_key(node.incident, node.node_id))
-    node.stop.wait()
-
-
-def tell_losses(agent: Agent, faults: Faults, unsent: int) -> None:
-    """Say what was wrong with the samples, and what the post will miss, if anything."""
-    counts = {name: count for name, count in asdict(faults).items() if count}
-    if counts:
-        _log.warning("samples were not as they should be", **counts)
-    if agent.why_no_movement is not None:
-        _log.warning("no movement was told", why=agent.why_no_movement)
-    if unsent:
-        _log.info("not heard live: there was no link", count=unsent)
-
-
-def _follow(agent: Agent, readings: Iterator[Reading], clock: Clock, stop: Event) -> bool:
-    """Hand ``readings`` to the agent as the clock comes to their times.
-
-    Returns whether that was all of them, or ``stop`` was set before.
-    """
-    waited_ns = 0
-    for reading in readings:
-        if reading.time_ns >= waited_ns:
-            while reading.time_ns - clock.now_ns() > TICK_NS:
-                if not wait_until(clock, clock.now_ns() + TICK_NS, stop):
-                    return False
-                agent.pass_time(clock.now_ns())
-            if not wait_until(clock, reading.time_ns, stop):
-                return False
-            waited_ns = reading.time_ns + WAIT_AHEAD_NS
-        agent.take(reading)
-    agent.finish()
-    return True

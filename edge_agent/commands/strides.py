@@ -17,7 +17,6 @@ from shared.clock import ManualClock
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
 from shared.messages import Message, NodeId, OdometryIncrement, TrackStart, Truth, Vector3
 from shared.sender import Sender
-from shared.simulation.faults import NONE
 from shared.simulation.gaits import ACTIVITIES
 from shared.simulation.odometry import Stride, UnitStart, as_increment, simulate_odometry
 from shared.simulation.scenario import Scenario
@@ -43,7 +42,7 @@ def rehearse_strides(scenario: Scenario, responder_id: NodeId, seed: int, folder
     """Write the wire log of ``responder_id`` in the exercise of ``seed`` to ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     clock = ManualClock(REHEARSAL_START_NS)
-    ahead_s = scenario.faults.get(responder_id, NONE).clock_ahead_s
+    ahead_s = scenario.fault_of(responder_id).clock_ahead_s
     with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
         sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
         unit = Whereabouts(sender)

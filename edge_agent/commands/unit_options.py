@@ -55,12 +55,16 @@ class UnitItself:
     journal: JournalFile = None
     post_id: Annotated[str, Parameter(name="--post")] = "post"
 
+    @property
+    def identity(self) -> Identity:
+        """Who it is. Raises ``ValueError`` for what is no id."""
+        return Identity("responder", check_id(self.responder_id, "--id"))
+
     def open_keys(self) -> Bundle | None:
         """Return the unit's keys, if it has some. Raises ``ValueError`` for what cannot be used."""
         check_id(self.incident, "--incident")
-        identity = Identity("responder", check_id(self.responder_id, "--id"))
         check_id(self.post_id, "--post")
-        return open_keys(self.keys, identity, insecure=self.insecure)
+        return open_keys(self.keys, self.identity, insecure=self.insecure)
 
     def dialled(self, bundle: Bundle | None) -> tuple[str, ...]:
         """Return whom it dials."""

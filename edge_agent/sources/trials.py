@@ -65,18 +65,7 @@ def find_trials(
     there is nothing there, ``ConfigError`` for a scenario that cannot be used.
     """
     if where.startswith(SIMULATED):
-        refuse_unsimulated(mount)
-        name = where.removeprefix(SIMULATED)
-        scenario = load_scenario(name)
-        group = f"simulated/{Path(name).stem}"
-        return [
-            Trial(
-                f"{responder}/seed_{seed}",
-                group,
-                partial(_simulate, scenario, responder, seed, mount),
-            )
-            for responder in sorted(scenario.responders)
-        ]
+        return _simulated(where.removeprefix(SIMULATED), seed, mount)
     path = Path(where)
     if not path.exists():
         raise SourceError(
@@ -87,21 +76,34 @@ def find_trials(
         load = partial(_read_export, path, needs_gyro=needs_gyro)
         return [Trial(path.stem, path.resolve().parent.name, load)]
     files = sorted(path.rglob("*")) if path.is_dir() else [path]
-    if mount == "vehicle":
-        trials = [one for file in files if file.suffix.lower() == ".npz" for one in _drives(file)]
-    else:
-        feet_tell = mount == "boot" or (mount == "waist" and by_feet)
-        trials = [
-            one
-            for file in files
-            for one in (
-                _beside_feet(file, mount) if feet_tell and has_feet(file) else _of(file, mount)
-            )
-        ]
+    trials = [one for file in files for one in _of_file(file, mount, by_feet=by_feet)]
     if not trials:
         kinds = ".npz" if mount == "vehicle" else ".npz and no .csv"
         raise SourceError(f"{where}: no {kinds} recording there; give one")
     return trials
+
+
+def _simulated(name: str, seed: int, mount: MountName) -> list[Trial]:
+    """Return a trial for each responder of a scenario, walking as by ``seed``."""
+    refuse_unsimulated(mount)
+    scenario = load_scenario(name)
+    group = f"simulated/{Path(name).stem}"
+    return [
+        Trial(
+            f"{responder}/seed_{seed}",
+            group,
+            partial(_simulate, scenario, responder, seed, mount),
+        )
+        for responder in sorted(scenario.responders)
+    ]
+
+
+def _of_file(path: Path, mount: MountName, *, by_feet: bool) -> list[Trial]:
+    """Return what a file has of a ``mount``: one trial, one for each foot or drive, or none."""
+    if mount == "vehicle":
+        return _drives(path) if path.suffix.lower() == ".npz" else []
+    feet_tell = mount == "boot" or (mount == "waist" and by_feet)
+    return _beside_feet(path, mount) if feet_tell and has_feet(path) else _of(path, mount)
 
 
 def _of(path: Path, mount: MountName) -> list[Trial]:

@@ -11,13 +11,16 @@ import re
 import sys
 import threading
 from collections import Counter
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import TextIO
 
 import structlog
 import zenoh
 
 from shared.bus.access_log import ACCESS_TARGET, TELLING, AccessLog, Act, Breach
+from shared.security.bundle import Bundle
+from shared.strangers import NOBODY, AtLinks
 from shared.topics import is_id
 
 if sys.platform == "linux":
@@ -51,6 +54,19 @@ _WORDS = {
 _OF_INTEREST = re.compile("|".join([*map(re.escape, _REASONS), *TELLING]).encode())
 
 _log = structlog.stdlib.get_logger(__name__)
+
+
+@contextmanager
+def counted_at_links(bundle: Bundle | None) -> Iterator[AtLinks]:
+    """Give what this process's routers refuse, as it is counted; without keys that is nothing.
+
+    To be entered before a router opens.
+    """
+    if bundle is None:
+        yield NOBODY
+        return
+    with RefusedLinks() as links:
+        yield AtLinks(links.counts, links.breaches)
 
 
 class RefusedLinks:

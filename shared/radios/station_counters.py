@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 from shared.messages import StationAddress
 from shared.radios.readings import Reading
-
-NS_PER_MS = 1_000_000
+from shared.units import NS_PER_MS
 
 
 class Polled(NamedTuple):

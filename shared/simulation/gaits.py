@@ -10,7 +10,7 @@ import math
 from typing import Generic, NamedTuple, TypeVar
 
 from shared.messages import Activity
-from shared.simulation.scenario import Gait
+from shared.simulation.legs import Gait
 
 Value = TypeVar("Value")
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from shared.messages import NodeId
 from shared.simulation.chance import generator
-from shared.simulation.faults import NONE, swap_of
+from shared.simulation.faults import swap_of
 from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 
@@ -65,7 +65,7 @@ def places_of(scenario: Scenario, dap_id: NodeId, seed: int) -> list[Stood]:
     """
     installed_s, place_m, _ = installation_truth(scenario, dap_id, seed)
     stood = [Stood(installed_s, dap_id, place_m)]
-    fault = scenario.faults.get(dap_id, NONE)
+    fault = scenario.fault_of(dap_id)
     if fault.moved_to_m is not None:
         moved_s = max(fault.since_s, installed_s)
         stood.append(Stood(moved_s, dap_id, np.array(fault.moved_to_m)))

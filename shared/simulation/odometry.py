@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from shared.messages import Activity, LocalPosition, NodeId, OdometryIncrement, Vector3
 from shared.simulation.chance import generator
 from shared.simulation.faults import NONE, Fault
+from shared.simulation.legs import Gait
 from shared.simulation.odometry_errors import OdometrySettings
-from shared.simulation.scenario import Gait, Scenario
+from shared.simulation.scenario import Scenario
 from shared.simulation.walker import Walk, simulate_walk
 
 Array: TypeAlias = NDArray[np.float64]
@@ -91,7 +92,7 @@ def simulate_odometry(
     """Yield what the unit of ``responder_id`` says in the exercise of ``seed``, by time."""
     walk = simulate_walk(scenario, responder_id, seed)
     settings = scenario.odometry
-    fault = scenario.faults.get(responder_id, NONE)
+    fault = scenario.fault_of(responder_id)
     chance = generator(seed, "odometry", responder_id)
     begins_s = float(walk.reached_s[0]) + SETTLES_S
     known_sd_rad = math.radians(scenario.responders[responder_id].heading_sd_deg)

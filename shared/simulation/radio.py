@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shared.messages import NodeId
 from shared.simulation.chance import generator
-from shared.simulation.faults import NONE, Fault, swap_of
+from shared.simulation.faults import Fault, swap_of
 from shared.simulation.installation import is_set_down, places_of
 from shared.simulation.link import Link
 from shared.simulation.propagation import probability_heard
@@ -105,7 +105,7 @@ def simulate_scans(scenario: Scenario, dap_id: NodeId, seed: int) -> Scans:
         rssi_dbm[responder_id] = np.full(len(time_s), np.nan)
         rssi_dbm[responder_id][np.searchsorted(time_s, heard_s)] = values_dbm
     named = named_wrongly(scenario, time_s, rssi_dbm)
-    return Scans(time_s, _replayed(scenario.faults.get(dap_id, NONE), time_s, named))
+    return Scans(time_s, _replayed(scenario.fault_of(dap_id), time_s, named))
 
 
 def named_wrongly(

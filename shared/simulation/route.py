@@ -13,17 +13,8 @@ from numpy.typing import NDArray
 from shared.maths.angles import wrap_rad
 from shared.messages import NodeId
 from shared.simulation.gaits import CRAWL_POSTURE_RAD
-from shared.simulation.scenario import (
-    Climb,
-    Gait,
-    Habit,
-    Move,
-    Person,
-    PlainLeg,
-    Ride,
-    Scenario,
-    Stand,
-)
+from shared.simulation.legs import Climb, Gait, Habit, Move, Person, PlainLeg, Ride, Stand
+from shared.simulation.scenario import Scenario
 from shared.simulation.search import plain_legs
 
 Array: TypeAlias = NDArray[np.float64]

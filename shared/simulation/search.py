@@ -13,19 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.simulation.corridors import Corridors, Entrance, Place, inside, outline_distance_m
+from shared.simulation.legs import Climb, Go, Leg, LevelGait, Move, PlainLeg, Ride, Search, Stand
 from shared.simulation.plan import Plan, Point, Room
-from shared.simulation.scenario import (
-    Climb,
-    Go,
-    Leg,
-    LevelGait,
-    Move,
-    PlainLeg,
-    Responder,
-    Ride,
-    Search,
-    Stand,
-)
+from shared.simulation.scenario import Responder
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from shared.simulation.gaits import SHAPES, StrideShape
-from shared.simulation.scenario import Gait, Person
+from shared.simulation.legs import Gait, Person
 
 Array: TypeAlias = NDArray[np.float64]
 

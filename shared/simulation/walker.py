@@ -13,8 +13,9 @@ from scipy.interpolate import PchipInterpolator
 from shared.messages import NodeId
 from shared.simulation.foot_path import FootPath, rise_share
 from shared.simulation.gaits import StrideShape
+from shared.simulation.legs import Gait
 from shared.simulation.route import Footfall
-from shared.simulation.scenario import Gait, Scenario
+from shared.simulation.scenario import Scenario
 from shared.simulation.set_downs import stance_times_s
 from shared.simulation.sole import Sole
 from shared.simulation.team_routes import route_of

@@ -32,6 +32,7 @@ import msgspec
 from playwright.sync_api import Page, ViewportSize
 
 from command_post.web.board import TrackView
+from shared.units import NS_PER_MS
 from tests.benchmarks.page_crowd import Cost, Served, crowded_page
 from tests.web.browser import chromium
 
@@ -40,7 +41,6 @@ SIZE = ViewportSize(width=1920, height=1080)
 LOADED_MS = 60_000
 SETTLED = "clewMeter.messages >= 40 && clewMeter.late_ms.length > 0"
 LOOK_MS = 200
-NS_PER_MS = 1e6
 
 
 class Told(msgspec.Struct):

@@ -21,7 +21,7 @@ from shared.outbox import JournalledOutbox
 from shared.seal import Seal
 from shared.sender import Sender, Unkept
 from shared.topics import TOPICS, Key, everything_of, journal_key
-from tests.bus.test_dap_node import decoded
+from tests.bus.dap_site import decoded
 from tests.traffic import increment
 from tests.waiting import wait_for
 

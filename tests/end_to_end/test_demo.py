@@ -98,7 +98,7 @@ def test_the_published_scenario_runs_to_its_score(tmp_path: Path) -> None:
     report = replay(recording, Incident(settings))
     assert report.reading.complete
     assert report.identical, str(report)
-    # A post that is behind tells less often: on a slow machine a third of what it tells on a fast one.
+    # A post that is behind tells less often: a slow machine's a third of what a fast one's does.
     assert report.equal > 50
 
 

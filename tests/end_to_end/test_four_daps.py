@@ -15,7 +15,7 @@ EXERCISE = Exercise("four_daps", SETTINGS, Agents("linear", raw=False))
 
 def test_fusion_brings_the_team_together() -> None:
     told = pool(
-        {"four_daps": [run.errors for chunk in run_many(EXERCISE, 5, 0, 2) for run in chunk]}
+        {"four_daps": [run.errors for chunk in run_many(EXERCISE, 3, 0, 2) for run in chunk]}
     ).scenarios["four_daps"]
     assert told.live.pair is not None
     assert told.pdr.pair is not None

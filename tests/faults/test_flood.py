@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -60,12 +60,21 @@ def flooding(endpoint: str, seconds: float) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, stdout=subprocess.PIPE)
 
 
+def strides_of(responder: str, recorded: Iterable[RecordedMessage]) -> list[RecordedMessage]:
+    return [one for one in recorded if f"/{responder}/increment" in one.key]
+
+
 def sequence_of(recorded: RecordedMessage) -> int:
     key = parse_key(recorded.key)
     assert not isinstance(key, Refusal)
     message = decode(key, recorded.payload)
     assert isinstance(message, OdometryIncrement)
     return message.sequence
+
+
+def all_recorded(recording: Path, strides: int) -> bool:
+    so_far = list(read_recording(recording))
+    return all(len(strides_of(responder, so_far)) >= strides for responder in WALKING)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -98,6 +107,7 @@ def flooded_post(folder: Path, seconds: float, strides: int) -> Flooded:
                 # Nothing is waited for: this is how fast they walk.
                 time.sleep(seconds / strides)
             said, _ = flood.communicate(timeout=DEADLINE_S)
+        wait_for(lambda: all_recorded(folder / "fire.mcap.part", strides), "the last strides")
         grown_bytes = peak_bytes(served) - before_bytes
         served.send_signal(signal.SIGTERM)
         assert served.wait(DEADLINE_S) == 0
@@ -120,7 +130,7 @@ def test_a_flood_of_garbage_costs_the_others_nothing(
     )
     late_s = []
     for responder in WALKING:
-        heard = [one for one in flooded.recording if f"/{responder}/increment" in one.key]
+        heard = strides_of(responder, flooded.recording)
         assert [sequence_of(one) for one in heard] == list(range(strides)), "all, once, in order"
         late_s += [(one.log_time_ns - one.publish_time_ns) / NS_PER_S for one in heard]
     evidence = [len(one.payload) for one in flooded.recording if "/mad/" in one.key]

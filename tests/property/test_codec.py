@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from shared.codec import MAX_PAYLOAD_BYTES, Refusal, decode, encode, parse_key
 from shared.messages import Message, OdometryIncrement
-from shared.topics import ROLES, TOPICS, Key
+from shared.topics import ROLES, TOPIC_OF, TOPICS, Key
 from tests.wire_messages import INCIDENT, NODE, key_for, messages
 
 every_topic = pytest.mark.parametrize("topic", list(TOPICS))
@@ -278,3 +278,7 @@ def test_only_the_roles_of_a_topic_send_it(topic: str, role: str) -> None:
 def test_a_malformed_id_is_refused(bad_id: str) -> None:
     assert isinstance(parse_key(f"clew/v1/{bad_id}/post/p1/exercise"), Refusal)
     assert isinstance(parse_key(f"clew/v1/i/post/{bad_id}/exercise"), Refusal)
+
+
+def test_a_message_says_by_its_type_what_topic_it_is_of() -> None:
+    assert [TOPIC_OF[topic.message] for topic in TOPICS.values()] == list(TOPICS.values())

@@ -11,8 +11,8 @@ from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.chance import generator
 from shared.simulation.imu_errors import ImuSettings
 from shared.simulation.inertial_reading import inertial_truth, nav_from_body
+from shared.simulation.legs import Gait, LevelGait, Move
 from shared.simulation.magnetic import MagneticField, MagneticSettings
-from shared.simulation.scenario import Gait, LevelGait, Move
 from shared.simulation.sole import Sole
 from shared.simulation.walker import simulate_walk
 from tests.simulated_walks import ALL_GAITS, LEVEL_GAITS, gait_walk, lone_walk

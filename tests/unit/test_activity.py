@@ -18,7 +18,8 @@ from edge_agent.mounts.methods import make_mount
 from edge_agent.sources.npz_set import read_npz_set
 from shared.messages import Activity, ImuSample
 from shared.simulation.boot_imu import simulate_boot_imu
-from shared.simulation.scenario import Gait, load_scenario
+from shared.simulation.legs import Gait
+from shared.simulation.scenario import load_scenario
 from shared.simulation.walker import simulate_walk
 from shared.units import NS_PER_S
 

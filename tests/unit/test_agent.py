@@ -13,7 +13,7 @@ from structlog.testing import capture_logs
 
 from edge_agent.__main__ import app
 from edge_agent.agent import NOT_KEPT, Agent
-from edge_agent.commands.follow import tell_losses
+from edge_agent.following import tell_losses
 from edge_agent.mounts.interface import Faults
 from edge_agent.mounts.methods import make_mount
 from edge_agent.sources.opening import open_source
@@ -40,7 +40,7 @@ from shared.process import ExitCode
 from shared.sender import Sender
 from shared.simulation.barometer import BarometerSettings
 from shared.simulation.boot_imu import simulate_boot_imu
-from shared.simulation.scenario import Move, Ride, Stand
+from shared.simulation.legs import Move, Ride, Stand
 from tests.simulated_walks import lone_walk
 from tests.synthetic_boot import SyntheticWalk
 

@@ -20,7 +20,7 @@ from edge_agent.mounts.interface import Increment
 from shared.maths.angles import wrap_rad
 from shared.messages import ImuSample, Vector3
 from shared.simulation.boot_imu import simulate_boot_imu
-from shared.simulation.scenario import Leg, Move, Ride, Stand
+from shared.simulation.legs import Leg, Move, Ride, Stand
 from shared.units import NS_PER_S
 from tests.simulated_walks import lone_walk
 from tests.synthetic_boot import BROKEN_READINGS, SyntheticWalk

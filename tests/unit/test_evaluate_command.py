@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from edge_agent.__main__ import main
-from edge_agent.commands import evaluate
+from edge_agent.commands import trial_scoring
 from edge_agent.evaluation.degradation import DEGRADATIONS, degradations
 from edge_agent.evaluation.score_card import failed_trial, score_trial
 from edge_agent.evaluation.scorers import SCORERS
@@ -206,7 +206,7 @@ def test_whatever_breaks_one_trial_the_others_are_scored(
     else:
         monkeypatch.setitem(SCORERS, "boot", breaks)
     if broken == "failed_trial":
-        monkeypatch.setattr(evaluate, broken, breaks_with_truth)
+        monkeypatch.setattr(trial_scoring, broken, breaks_with_truth)
     assert run(monkeypatch, folder, "--json", "--method", "linear") == ExitCode.FAILURE
     bad, good = card(capsys)["trials"]
     assert bad["failure"] == "ZeroDivisionError: of all things"

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from shared.simulation.faults import Fault
+from shared.simulation.legs import Move
 from shared.simulation.odometry import Stride, UnitStart, simulate_odometry
 from shared.simulation.odometry_errors import OdometrySettings
-from shared.simulation.scenario import Move, Scenario
+from shared.simulation.scenario import Scenario
 from shared.simulation.walker import simulate_walk
 from tests.simulated_walks import lone_walk
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,7 +13,6 @@ from shared.messages import ImuSample
 from shared.units import NS_PER_S
 
 RATE_HZ = 100.0
-DEGREE = math.radians(1.0)
 
 
 def standing(

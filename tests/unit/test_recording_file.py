@@ -12,6 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.summary import Summary
 
+from command_post.recorder import declarations
 from command_post.recorder import file as recording_file
 from command_post.recorder.file import EXCERPTS, RecorderError, RecordingFile
 from command_post.recorder.schemas import json_schema
@@ -166,7 +167,7 @@ def test_replay_refuses_a_giant_for_the_same_reason(tmp_path: Path) -> None:
 def test_made_up_keys_do_not_exhaust_the_channels(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording_file, "MAX_CHANNELS", 4)
+    monkeypatch.setattr(declarations, "MAX_CHANNELS", 4)
     messages = [recorded(f"flood/{number}", b"%d" % number) for number in range(50)]
     messages += [recorded("flood/1", b"again"), recorded("flood/49", b"", outgoing=True)]
     path = written(tmp_path / "a.mcap", messages)

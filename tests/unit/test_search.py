@@ -12,16 +12,9 @@ import pytest
 
 from shared.simulation.corridors import Corridors, Place, inside
 from shared.simulation.installation import installation_truth, is_set_down
+from shared.simulation.legs import Climb, Move, Search, Stand
 from shared.simulation.plan import Door, Floor, Plan, Room, Stairs, Wall, Way, load_plan
-from shared.simulation.scenario import (
-    Climb,
-    Move,
-    Responder,
-    Scenario,
-    Search,
-    Stand,
-    load_scenario,
-)
+from shared.simulation.scenario import Responder, Scenario, load_scenario
 from shared.simulation.search import plain_legs, wall_round
 from shared.simulation.set_downs import SET_DOWN_S
 from shared.simulation.team_routes import COMES_BY_M

@@ -15,8 +15,9 @@ from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.gait_figures import FIGURES, recorded_figures, simulated_figures
 from shared.simulation.imu_errors import ImuSettings, ringing
 from shared.simulation.inertial_reading import GRAVITY_M_S2, nav_from_body
+from shared.simulation.legs import Gait, Stand
 from shared.simulation.magnetic import MagneticSettings
-from shared.simulation.scenario import Gait, Scenario, Stand, load_scenario
+from shared.simulation.scenario import Scenario, load_scenario
 from shared.simulation.walker import Walk, simulate_walk
 from tests.simulated_walks import ALL_GAITS, gait_walk
 

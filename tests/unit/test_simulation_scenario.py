@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from shared.config import ConfigError
-from shared.simulation.scenario import SCENARIOS, Climb, Move, Stand, load_scenario
+from shared.simulation.legs import Climb, Move, Stand
+from shared.simulation.scenario import SCENARIOS, load_scenario
 from shared.simulation.walker import simulate_walk
 from tests.simulated_walks import lone_walk
 

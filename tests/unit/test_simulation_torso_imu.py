@@ -13,7 +13,7 @@ from shared.simulation.chance import generator
 from shared.simulation.gait_figures import Array
 from shared.simulation.imu_errors import ImuSettings
 from shared.simulation.inertial_reading import GRAVITY_M_S2
-from shared.simulation.scenario import Gait, Move, Stand
+from shared.simulation.legs import Gait, Move, Stand
 from shared.simulation.torso_imu import Slip, Worn, simulate_torso_imu
 from shared.simulation.torso_path import TorsoPlace, torso_path
 from shared.simulation.walker import simulate_walk

@@ -18,7 +18,7 @@ from edge_agent.sources.recording import Recording
 from shared.maths.angles import wrap_rad
 from shared.maths.rotations import IDENTITY, Quaternion, from_rotation_vector
 from shared.messages import ImuSample
-from shared.simulation.scenario import Move, Stand
+from shared.simulation.legs import Move, Stand
 from shared.simulation.torso_imu import Slip, Worn, simulate_torso_imu
 from shared.simulation.walker import simulate_walk
 from tests.simulated_walks import lone_walk
