@@ -1,11 +1,10 @@
 """The compiled filter: what moves, weighs and sums up a cloud. Meaning: cloud_plain.py.
 
-Every loop over lanes touches one buffer, or one and another for what is between two loops, and is
-free of branches; what takes long for one lane is cut in two loops, of which a processor works on
-more rounds at once. Sums run lane by lane and only
-then across the lanes, always in the same order, so that they come out alike whatever the width
-of the processor's vectors. ``run_steps`` is the one way in: a single step and a night's replay go
-through the same code.
+Every loop over lanes is free of branches and touches one buffer, or one more for what is handed
+from loop to loop: a processor works on as many lanes at once as it can look ahead, more of them the
+less there is to do for each. Sums run lane by lane and only then across the lanes, always in the
+same order, so that they come out alike whatever the width of the processor's vectors. ``run_steps``
+is the one way in: a single step and a night's replay go through the same code.
 """
 
 from __future__ import annotations
