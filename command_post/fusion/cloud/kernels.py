@@ -1,9 +1,10 @@
 """The compiled filter: what moves, weighs and sums up a cloud. Meaning: cloud_plain.py.
 
-Every loop over lanes touches one buffer and is free of branches. Sums run lane by lane and only
-then across the lanes, always in the same order, so that they come out alike whatever the width
-of the processor's vectors. ``run_steps`` is the one way in: a single step and a night's replay go
-through the same code.
+Every loop over lanes is free of branches and touches one buffer, or one more for what is handed
+from loop to loop: a processor works on as many lanes at once as it can look ahead, more of them the
+less there is to do for each. Sums run lane by lane and only then across the lanes, always in the
+same order, so that they come out alike whatever the width of the processor's vectors. ``run_steps``
+is the one way in: a single step and a night's replay go through the same code.
 """
 
 from __future__ import annotations
@@ -20,12 +21,16 @@ from command_post.fusion.cloud.lane_arithmetic import (
     ZERO,
     across,
     bearing,
-    chance,
     even,
     exponential,
     f32,
     gaussian,
+    log_of,
+    log_parts,
+    lower_half,
     natural_log,
+    power_of,
+    power_parts,
     random_bits,
     sine_cosine,
     u32,
@@ -84,7 +89,7 @@ from command_post.fusion.cloud.layout import (
     Lanes,
     Sums,
 )
-from command_post.fusion.cloud.resampling_kernels import resample
+from command_post.fusion.cloud.resampling_kernels import face, resample
 from shared.compiled import compiled
 
 _BITS_24, _TURN_24 = f32(2.0**-24), f32(2.0**-23 * math.pi)
@@ -94,6 +99,7 @@ _MOST_AT_ONCE = 5
 
 _SUMS = 9
 _SQUARES, _U, _V, _UU, _UV, _VV, _COSINE, _SINE = (LANES * row for row in range(1, _SUMS))
+_COS, _SIN, _E, _LAST = (LANES * row for row in range(1, 5))
 
 
 @compiled
@@ -178,24 +184,25 @@ def weighted_places(cloud: Lanes) -> Lanes:
 def _move(cloud: Lanes, step: Lanes, key_low: np.uint32, key_high: np.uint32) -> None:
     """Displace every particle, turned and scaled, each with its own noise; drift its heading."""
     d_north, d_east, elapsed_s = step[MOVE_NORTH], step[MOVE_EAST], step[MOVE_S]
+    twice_north, twice_east = TWO * d_north, TWO * d_east
     nn, en, ee = step[ROOT_NN], step[ROOT_EN], step[ROOT_EE]
     hn, he, hh, jump = step[ROOT_HN], step[ROOT_HE], step[ROOT_HH], step[ROOT_JUMP]
-    jump_below, missed_from = u32(step[JUMP_BELOW]), u32(step[MISSED_FROM])
-    walk = step[DRIFT_WALK]
+    jump_below, missed_from, walk = step[JUMP_BELOW], step[MISSED_FROM], step[DRIFT_WALK]
     for block in range(cloud.size // BLOCK):
         o = block * BLOCK
+        counter = u32(block * LANES * 4)
         for lane in range(LANES):
-            counter = u32((block * LANES + lane) * 4)
             first = random_bits(counter, key_low, key_high)
             second = random_bits(u32(counter + u32(1)), key_low, key_high)
             third = random_bits(u32(counter + u32(2)), key_low, key_high)
             fourth = random_bits(u32(counter + u32(3)), key_low, key_high)
+            counter = u32(counter + u32(4))
             to_north, to_east, to_heading = gaussian(first), gaussian(second), gaussian(third)
-            happening = chance(fourth)
+            happening = lower_half(fourth)
             own = jump if happening < jump_below else hh
-            strides = TWO if happening >= missed_from else ONE
-            north = strides * d_north + nn * to_north
-            east = strides * d_east + en * to_north + ee * to_east
+            missed = happening >= missed_from
+            north = (twice_north if missed else d_north) + nn * to_north
+            east = (twice_east if missed else d_east) + en * to_north + ee * to_east
             scale = cloud[o + SCALE + lane]
             cosine, sine = scale * cloud[o + COSINE + lane], scale * cloud[o + SINE + lane]
             cloud[o + NORTH + lane] += cosine * north - sine * east
@@ -205,9 +212,7 @@ def _move(cloud: Lanes, step: Lanes, key_low: np.uint32, key_high: np.uint32) ->
             turned = hn * to_north + he * to_east + own * to_heading
             offset = cloud[o + OFFSET + lane] + drift * elapsed_s + turned
             cloud[o + OFFSET + lane] = _wrapped(offset)
-        for lane in range(LANES):
-            sine, cosine = sine_cosine(cloud[o + OFFSET + lane])
-            cloud[o + COSINE + lane], cloud[o + SINE + lane] = cosine, sine
+        face(cloud[o : o + BLOCK])
 
 
 @compiled
@@ -228,10 +233,15 @@ def _tie(cloud: Lanes, ties: Lanes) -> np.float32:
     anyone within ten thousand standard deviations of each. Returned is the logarithm of what the
     likelihoods have in common.
     """
-    product = np.ones(LANES, np.float32)
+    work = np.empty(5 * LANES, np.float32)
     last = ties.shape[0] - 1
     for block in range(cloud.size // BLOCK):
         o = block * BLOCK
+        for lane in range(LANES):
+            scale = cloud[o + SCALE + lane]
+            work[lane] = ONE
+            work[_COS + lane] = scale * cloud[o + COSINE + lane]
+            work[_SIN + lane] = scale * cloud[o + SINE + lane]
         since_log = 0
         for i in range(last + 1):
             tie = ties[i]
@@ -239,17 +249,20 @@ def _tie(cloud: Lanes, ties: Lanes) -> np.float32:
             since_north, since_east = tie[SINCE_NORTH], tie[SINCE_EAST]
             nn, ne, ee = tie[TIE_NN], tie[TIE_NE], tie[TIE_EE]
             for lane in range(LANES):
-                scale = cloud[o + SCALE + lane]
-                cosine, sine = scale * cloud[o + COSINE + lane], scale * cloud[o + SINE + lane]
+                cosine, sine = work[_COS + lane], work[_SIN + lane]
                 u = cloud[o + NORTH + lane] - (cosine * since_north - sine * since_east) - north
                 v = cloud[o + EAST + lane] - (sine * since_north + cosine * since_east) - east
-                product[lane] *= ONE + u * (nn * u + ne * v) + ee * v * v
+                work[lane] *= ONE + u * (nn * u + ne * v) + ee * v * v
             since_log += 1
             if i == last or since_log == _MOST_AT_ONCE or exponent != ties[i + 1, TIE_EXPONENT]:
                 since_log = 0
                 for lane in range(LANES):
-                    cloud[o + LOG_WEIGHT + lane] += exponent * natural_log(product[lane])
-                    product[lane] = ONE
+                    x, e, series = log_parts(work[lane])
+                    work[lane], work[_E + lane], work[_LAST + lane] = x, e, series
+                for lane in range(LANES):
+                    log = log_of(work[lane], work[_E + lane], work[_LAST + lane])
+                    cloud[o + LOG_WEIGHT + lane] += exponent * log
+                    work[lane] = ONE
     common = ZERO
     for i in range(last + 1):
         common -= natural_log(ties[i, TIE_AREA])
@@ -282,7 +295,8 @@ def _highest_log_weight(cloud: Lanes, highest: Lanes) -> np.float32:
     for block in range(cloud.size // BLOCK):
         o = block * BLOCK + LOG_WEIGHT
         for lane in range(LANES):
-            highest[lane] = max(highest[lane], cloud[o + lane])
+            # Without the sum a compiler would write only where it is higher, a lane at a time.
+            highest[lane] = max(highest[lane], cloud[o + lane]) + ZERO
     for lane in range(32):
         highest[lane] = max(highest[lane], highest[lane + 32])
     peak = _NOTHING_YET
@@ -297,10 +311,16 @@ def _add_up(
     cloud: Lanes, sums: Lanes, peak: np.float32, north: np.float32, east: np.float32
 ) -> None:
     """Add each lane's weights, and weighted moments about (north, east), into ``sums``."""
+    work = np.empty(2 * LANES, np.float32)
     for block in range(cloud.size // BLOCK):
         o = block * BLOCK
         for lane in range(LANES):
-            w = exponential(cloud[o + LOG_WEIGHT + lane] - peak)
+            r, scale = power_parts(cloud[o + LOG_WEIGHT + lane] - peak)
+            work[lane], work[LANES + lane] = r, scale
+        for lane in range(LANES):
+            work[lane] = power_of(work[lane], work[LANES + lane])
+        for lane in range(LANES):
+            w = work[lane]
             u, v = cloud[o + NORTH + lane] - north, cloud[o + EAST + lane] - east
             wu, wv = w * u, w * v
             sums[lane] += w

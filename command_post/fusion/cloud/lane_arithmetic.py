@@ -23,7 +23,7 @@ i32 = np.int32
 ZERO, HALF, ONE, TWO = f32(0.0), f32(0.5), f32(1.0), f32(2.0)
 PI, TURN = f32(math.pi), f32(2.0 * math.pi)
 
-_BYTE_BITS, _LOW_BYTE = u32(8), u32(0xFF)
+_BYTE_BITS, _EVERY_OTHER_BYTE, _BOTH_PAIRS = u32(8), u32(0x00FF00FF), u32(0x00010001)
 _WORD_BITS, _LOW_WORD = u32(16), u32(0xFFFF)
 _FIFTEEN, _FIRST_FACTOR, _SECOND_FACTOR = u32(15), u32(0x21F0AAAD), u32(0xD35A2D97)
 _MIDDLE_OF_BYTES = i32(510)
@@ -39,8 +39,9 @@ _LN_2_HIGH = f32(0.693359375)
 _LN_2_LOW = f32(math.log(2.0) - 0.693359375)
 _POWERS_OF_2 = f32(1.0 / math.log(2.0))
 
-_ROUND_UP, _EIGHT = f32(8.5), i32(8)
-_ONE_QUARTER, _TWO_QUARTERS = i32(1), i32(2)
+_ROUND_UP, _EIGHT = f32(8.5), f32(8.0)
+_ONE_QUARTER, _TWO_QUARTERS, _TO_SIGN = u32(1), u32(2), u32(30)
+_LAST_TO_SIGN, _NO_SIGN = u32(31), i32(0)
 _SHIFT_UP, _SHIFT = f32(128.5), i32(128)
 _LEAST_EXPONENT = f32(-40.0)
 _ROOT_HALF_BITS = u32(0x3F3504F3)
@@ -80,10 +81,8 @@ def gaussian(bits: np.uint32) -> np.float32:
     Their sum is nearly normal, but short of tails; a cubic (Cornish and Fisher 1938) gives it the
     variance 1 and the fourth moment 3 exactly. No quantile is off by more than 0.2 %.
     """
-    lower = u32(bits & _LOW_BYTE) + u32(u32(bits >> _BYTE_BITS) & _LOW_BYTE)
-    high = u32(bits >> _WORD_BITS)
-    upper = u32(high & _LOW_BYTE) + u32(high >> _BYTE_BITS)
-    x = f32(i32(i32(lower + upper) - _MIDDLE_OF_BYTES))
+    pairs = u32(u32(bits & _EVERY_OTHER_BYTE) + u32(u32(bits >> _BYTE_BITS) & _EVERY_OTHER_BYTE))
+    x = f32(i32(i32(u32(pairs * _BOTH_PAIRS) >> _WORD_BITS) - _MIDDLE_OF_BYTES))
     return x * (_GAUSS_LINEAR + _GAUSS_CUBIC * (x * x))
 
 
@@ -94,25 +93,42 @@ def even(bits: np.uint32) -> np.float32:
 
 
 @compiled
-def chance(bits: np.uint32) -> np.uint32:
-    """Return a number below 65536 of a word's lower half."""
-    return u32(bits & _LOW_WORD)
+def lower_half(bits: np.uint32) -> np.float32:
+    """Return the number below 65536 of a word's lower half."""
+    return f32(i32(bits & _LOW_WORD))
 
 
 @compiled
 def sine_cosine(angle_rad: np.float32) -> tuple[np.float32, np.float32]:
     """Return sine and cosine of an angle within ±4π."""
-    turns = i32(i32(angle_rad * _QUARTERS + _ROUND_UP) - _EIGHT)
-    count = f32(turns)
-    x = (angle_rad - count * _HALF_PI_HIGH) - count * _HALF_PI_LOW
+    return turned(*within_a_quarter(angle_rad))
+
+
+@compiled
+def within_a_quarter(angle_rad: np.float32) -> tuple[np.float32, np.float32]:
+    """Return an angle brought to within ±π/4 by quarter turns, and their number, 8 more."""
+    quarters = f32(i32(angle_rad * _QUARTERS + _ROUND_UP))
+    count = quarters - _EIGHT
+    return (angle_rad - count * _HALF_PI_HIGH) - count * _HALF_PI_LOW, quarters
+
+
+@compiled
+def turned(x: np.float32, quarters: np.float32) -> tuple[np.float32, np.float32]:
+    """Return sine and cosine of an angle within ±π/4 after so many quarter turns."""
+    turns = u32(i32(quarters))
     y = x * x
     sine = x + x * y * (_S0 + y * (_S1 + y * _S2))
     cosine = ONE - y * (HALF - y * (_C0 + y * (_C1 + y * _C2)))
-    if turns & _ONE_QUARTER:
-        sine, cosine = cosine, -sine
-    if turns & _TWO_QUARTERS:
-        sine, cosine = -sine, -cosine
-    return sine, cosine
+    if i32(u32(turns << _LAST_TO_SIGN)) < _NO_SIGN:
+        sine, cosine = cosine, sine
+    return _signed(sine, turns), _signed(cosine, u32(turns + _ONE_QUARTER))
+
+
+@compiled
+def _signed(number: np.float32, turns: np.uint32) -> np.float32:
+    """Return the number, or its negative where ``turns`` has the second bit."""
+    sign = u32(u32(turns & _TWO_QUARTERS) << _TO_SIGN)
+    return u32(f32(number).view(np.uint32) ^ sign).view(np.float32)
 
 
 @compiled
@@ -121,11 +137,22 @@ def natural_log(number: np.float32) -> np.float32:
 
     Without a quotient, which vectors are slowest at.
     """
+    return log_of(*log_parts(number))
+
+
+@compiled
+def log_parts(number: np.float32) -> tuple[np.float32, np.float32, np.float32]:
+    """Return m - 1, e and the last terms of a logarithm's series: its first half."""
     bits = f32(number).view(np.uint32)
     exponent = i32(i32(u32(bits - _ROOT_HALF_BITS)) >> _MANTISSA_BITS)
     x = u32(bits - u32(exponent << _MANTISSA_BITS)).view(np.float32) - ONE
-    series = _L0 + x * (_L1 + x * (_L2 + x * (_L3 + x * (_L4 + x * (_L5 + x * _L6)))))
-    e = f32(exponent)
+    return x, f32(exponent), _L3 + x * (_L4 + x * (_L5 + x * _L6))
+
+
+@compiled
+def log_of(x: np.float32, e: np.float32, last: np.float32) -> np.float32:
+    """Return the logarithm of its parts: its second half."""
+    series = _L0 + x * (_L1 + x * (_L2 + x * last))
     return e * _LN_2_HIGH + (x - (x * x * (HALF - x * series) - e * _LN_2_LOW))
 
 
@@ -135,13 +162,23 @@ def exponential(number: np.float32) -> np.float32:
 
     Weights are squared; were they smaller, processors would take a hundred times as long over them.
     """
+    return power_of(*power_parts(number))
+
+
+@compiled
+def power_parts(number: np.float32) -> tuple[np.float32, np.float32]:
+    """Return what is left of x after multiples of ln 2, and e to their power: eˣ's first half."""
     x = max(number, _LEAST_EXPONENT)
     power = i32(i32(x * _POWERS_OF_2 + _SHIFT_UP) - _SHIFT)
     count = f32(power)
     r = (x - count * _LN_2_HIGH) - count * _LN_2_LOW
-    series = ONE + r + r * r * (_E0 + r * (_E1 + r * (_E2 + r * _E3)))
-    scale = u32((power + _EXPONENT_BIAS) << _MANTISSA_BITS).view(np.float32)
-    return series * scale
+    return r, u32((power + _EXPONENT_BIAS) << _MANTISSA_BITS).view(np.float32)
+
+
+@compiled
+def power_of(r: np.float32, scale: np.float32) -> np.float32:
+    """Return eˣ of its parts: its second half."""
+    return (ONE + r + r * r * (_E0 + r * (_E1 + r * (_E2 + r * _E3)))) * scale
 
 
 @compiled

@@ -15,8 +15,9 @@ from command_post.fusion.cloud.lane_arithmetic import (
     i32,
     natural_log,
     random_bits,
-    sine_cosine,
+    turned,
     u32,
+    within_a_quarter,
 )
 from command_post.fusion.cloud.layout import (
     BLOCK,
@@ -120,8 +121,18 @@ def _loosen(cloud: Lanes, kept: np.float32, key_low: np.uint32, key_high: np.uin
             cloud[o + DRIFT + lane], cloud[o + LOG_SCALE + lane] = drift, log_scale
             cloud[o + SCALE + lane] = exponential(log_scale)
             cloud[o + LOG_WEIGHT + lane] = log_weight
-            sine, cosine = sine_cosine(cloud[o + OFFSET + lane])
-            cloud[o + SINE + lane], cloud[o + COSINE + lane] = sine, cosine
+        face(cloud[o : o + BLOCK])
+
+
+@compiled
+def face(block: Lanes) -> None:
+    """Write the sines and cosines of a block's headings, whose fields hold what is between."""
+    for lane in range(LANES):
+        x, quarters = within_a_quarter(block[OFFSET + lane])
+        block[SINE + lane], block[COSINE + lane] = x, quarters
+    for lane in range(LANES):
+        sine, cosine = turned(block[SINE + lane], block[COSINE + lane])
+        block[SINE + lane], block[COSINE + lane] = sine, cosine
 
 
 @compiled
