@@ -21,6 +21,8 @@ from shared.units import NS_PER_S
 UNIFORM_TURN_RAD2 = math.pi**2 / 3.0
 MOST_FLOORS = 8
 LEAST_FLOOR_SHARE = 1e-3
+SILENT = "nothing heard"
+"""So begins the reason of who is lost for they send nothing."""
 
 
 class Pose(NamedTuple):
@@ -198,7 +200,7 @@ def _status(
     sd_m = math.sqrt(max(nn, ee, 0.0))
     untied_s = (time_ns - pose.tied_ns) / NS_PER_S
     if silent_s > 0.0:
-        return "lost", f"nothing heard for {silent_s + settings.silence_s:.0f} s"
+        return "lost", f"{SILENT} for {silent_s + settings.silence_s:.0f} s"
     is_sharp = pose.is_told and math.sqrt(turn_rad2) <= settings.recovered_turn_sd_rad
     if pose.unit > 0 and not is_sharp:
         since_s = (time_ns - pose.unit_ns) / NS_PER_S

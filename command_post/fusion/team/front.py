@@ -17,6 +17,7 @@ from command_post.fusion.cloud.chance import responder_stream, step_key
 from command_post.fusion.cloud.cloud import Cloud, Step, advance, moments, spawn
 from command_post.fusion.cloud.model import ANY_HEADING_SD_RAD, Mixture, Tie
 from command_post.fusion.cloud.regions import regions
+from command_post.fusion.team.estimates import SILENT
 from command_post.fusion.team.graph import LEAD
 from command_post.fusion.team.log import ResponderLog
 from command_post.fusion.team.settings import TeamSettings
@@ -206,8 +207,8 @@ def told_on_map(
     """Return the estimate where it is on the team's map, with the region that the cloud has.
 
     In the middle of all ways that the map may be turned nobody is, and a map whose parts were told
-    so would be none. The covariance is about where the estimate is. Of who is lost on the map too,
-    not heard of perhaps, that tells more than outlines do.
+    so would be none. The covariance is about where the estimate is; of who is not heard of it
+    grows, and tells more than outlines do.
     """
     cloud = _moved(cloud, since, responder_id)
     told = moments(cloud)
@@ -217,11 +218,11 @@ def told_on_map(
     nn, ne, ee = nn + off_n * off_n, ne + off_n * off_e, ee + off_e * off_e
     sd_m = math.sqrt(max(nn, ee, 0.0))
     heading_sd_rad = math.sqrt(told.offset_sd_rad**2 + off_rad * off_rad)
-    if estimate.status == "lost":
+    if estimate.reason.startswith(SILENT):
         own_nn, own_ne, own_ee = estimate.covariance_m2
         wider = told_covariance(nn + own_nn, ne + own_ne, ee + own_ee)
         return estimate._replace(covariance_m2=wider, heading_sd_rad=heading_sd_rad)
-    if sd_m > settings.lost_sd_m and estimate.status in {"tracking", "dead_reckoning"}:
+    if sd_m > settings.lost_sd_m and estimate.status != "recovering":
         reason = f"which way the map is turned is not known: may be {2.0 * sd_m:.0f} m off"
         estimate = estimate._replace(status="lost", reason=reason)
     return estimate._replace(
