@@ -10,7 +10,7 @@ from dap_node.scanners.observation import Scan
 from dap_node.settings import DapSettings
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryBus, MemoryNetwork
-from shared.codec import Refusal, decode, encode, parse_key
+from shared.codec import encode
 from shared.messages import (
     DapEstimate,
     LocalPosition,
@@ -20,6 +20,7 @@ from shared.messages import (
 from shared.radios.readings import RadioScan, Reading
 from shared.topics import everything_of
 from shared.units import NS_PER_S
+from tests.heard import message_in
 
 START_NS = 1_700_000_000 * NS_PER_S
 PLACE = LocalPosition(north_m=5.0, east_m=20.0, down_m=0.0, covariance_m2=(0.5, 0.1, 0.4))
@@ -56,23 +57,15 @@ class Site:
 
     def said(self, kind: type[Said]) -> list[Said]:
         """Return all that the DAP has said of one kind."""
-        return [message for message in map(decoded, self.heard) if isinstance(message, kind)]
+        return [message for message in map(message_in, self.heard) if isinstance(message, kind)]
 
     def answers(self) -> list[Message]:
         """Return what queries for the installation give."""
-        return [decoded(answer) for answer in self.others.query(INSTALLATION_KEY, 1.0)]
+        return [message_in(answer) for answer in self.others.query(INSTALLATION_KEY, 1.0)]
 
     def tell(self, estimate: DapEstimate) -> None:
         """Publish an estimate as a post does."""
         self.others.publish(PLACE_KEY, encode(estimate))
-
-
-def decoded(received: Received) -> Message:
-    key = parse_key(received.key)
-    assert not isinstance(key, Refusal)
-    message = decode(key, received.payload)
-    assert not isinstance(message, Refusal)
-    return message
 
 
 def at(time_s: float) -> int:

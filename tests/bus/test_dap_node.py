@@ -39,11 +39,11 @@ from tests.bus.dap_site import (
     TABLE,
     Site,
     at,
-    decoded,
     estimate,
     radio_scan,
     scans,
 )
+from tests.heard import message_in
 
 
 def installation(sequence: int, position: LocalPosition | None) -> DapInstallation:
@@ -209,7 +209,7 @@ def test_a_dap_that_restarts_knows_the_stations_it_kept() -> None:
         heard: list[Received] = []
         bus.subscribe(everything_of("test"), heard.append)
         DapNode(bus, "test", "dap2", stations=TABLE).take(radio_scan(0.2, x02=-50.0))
-        (report,) = map(decoded, heard)
+        (report,) = map(message_in, heard)
     assert isinstance(report, RssiReport)
     assert report.responder_id == "r2"
 

@@ -22,9 +22,9 @@ from tests.bus.dap_site import (
     TABLE,
     Site,
     at,
-    decoded,
     radio_scan,
 )
+from tests.heard import message_in
 
 
 def set_down(dap_id: str, position: LocalPosition | None) -> bytes:
@@ -80,7 +80,7 @@ class Box:
 
     def installations(self) -> list[DapInstallation]:
         """Return all that it said of its place."""
-        found = map(decoded, self.heard)
+        found = map(message_in, self.heard)
         return [message for message in found if isinstance(message, DapInstallation)]
 
 
@@ -100,7 +100,7 @@ def test_it_says_by_itself_that_it_was_set_down_and_taken_up() -> None:
     assert box.node.stage == "carried"
     assert box.places[-1] is None
     # Who carries it is near it, which says nothing.
-    carried = [type(decoded(each)) for each in box.heard[told:]]
+    carried = [type(message_in(each)) for each in box.heard[told:]]
     assert carried.count(ProximityEvent) <= 2
     before = len(box.heard)
     box.spend(5.0, dbm=-40.0, swing_m_s2=2.0)
@@ -124,7 +124,7 @@ def test_swept_along_it_lies_still_again_and_is_to_be_found_by_who_passes() -> N
     assert again.stage == "installed"
     told = len(box.heard)
     box.spend(5.0, dbm=-42.0, swing_m_s2=0.0)
-    assert ProximityEvent in {type(decoded(each)) for each in box.heard[told:]}
+    assert ProximityEvent in {type(message_in(each)) for each in box.heard[told:]}
 
 
 def test_a_button_says_that_who_is_loudest_set_it_down() -> None:

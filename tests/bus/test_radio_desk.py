@@ -10,13 +10,14 @@ from edge_agent.radio_desk import RadioDesk
 from shared.bus.interface import Received
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import PacedClock, SystemClock
-from shared.codec import Refusal, decode, encode, parse_key
+from shared.codec import encode
 from shared.kept_stations import KeptStations
-from shared.messages import DapPeak, DapReading, Message, StationTable
+from shared.messages import DapPeak, DapReading, StationTable
 from shared.node import Node
 from shared.outbox import JournalledOutbox
 from shared.radios.readings import RadioScan, Reading
 from shared.units import NS_PER_S
+from tests.heard import message_in
 from tests.waiting import wait_for
 
 DAP = "02:00:5e:10:00:81"
@@ -42,14 +43,6 @@ class PassingBy:
                     time_ns += NS_PER_S // 5
                     deliver(RadioScan(time_ns, (Reading(DAP, float(dbm)),)))
                     stop.wait(0.002)
-
-
-def message_in(received: Received) -> Message:
-    key = parse_key(received.key)
-    assert not isinstance(key, Refusal)
-    message = decode(key, received.payload)
-    assert not isinstance(message, Refusal)
-    return message
 
 
 def test_it_tells_which_daps_it_passes(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from shared.outbox import JournalledOutbox
 from shared.seal import Seal
 from shared.sender import Sender, Unkept
 from shared.topics import TOPICS, Key, everything_of, journal_key
-from tests.bus.dap_site import decoded
+from tests.heard import message_in
 from tests.traffic import increment
 from tests.waiting import wait_for
 
@@ -77,7 +77,7 @@ class Listener:
 
     def numbers(self) -> list[int]:
         """Return the strides that came in, in the order of their coming."""
-        messages = map(decoded, self.came)
+        messages = map(message_in, self.came)
         return [m.sequence for m in messages if isinstance(m, OdometryIncrement)]
 
     def collect(self) -> None:
@@ -108,7 +108,7 @@ def test_a_beat_tells_what_the_journal_holds(network: MemoryNetwork, node: Node)
     node.heartbeat.beat()
     node.outbox.acknowledge(node.journal.run, 2)
     node.heartbeat.beat()
-    first, second = (m for m in map(decoded, listener.came) if isinstance(m, Beat))
+    first, second = (m for m in map(message_in, listener.came) if isinstance(m, Beat))
     assert first == Beat(
         event_time_ns=42, sequence=0, run=node.journal.run.hex(), last_number=3, kept_from=1,
         acknowledged=0, clock=STATEMENT,

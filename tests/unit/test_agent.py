@@ -21,7 +21,6 @@ from edge_agent.sources.reading import TruePlace
 from edge_agent.sources.recording import SourceError
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
-from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
     Alarm,
     Contact,
@@ -41,6 +40,7 @@ from shared.sender import Sender
 from shared.simulation.barometer import BarometerSettings
 from shared.simulation.boot_imu import simulate_boot_imu
 from shared.simulation.legs import Move, Ride, Stand
+from tests.heard import message_in
 from tests.simulated_walks import lone_walk
 from tests.synthetic_boot import SyntheticWalk
 
@@ -62,12 +62,7 @@ def agent(heard: list[Received]) -> Agent:
 
 
 def messages(heard: list[Received]) -> Iterator[Message]:
-    for received in heard:
-        key = parse_key(received.key)
-        assert not isinstance(key, Refusal)
-        message = decode(key, received.payload)
-        assert not isinstance(message, Refusal), message
-        yield message
+    return map(message_in, heard)
 
 
 def walk(agent: Agent) -> list[ImuSample]:

@@ -40,7 +40,7 @@ from shared.topics import Key
 from shared.units import NS_PER_S
 from tests.benchmarks.crowd import START_NS, Said, crowd
 from tests.benchmarks.test_team_speed import role_of, topic_of
-from tests.unit.test_post import message_in
+from tests.heard import message_in
 from tests.waiting import wait_for
 
 SETTINGS = IncidentSettings(incident="fire")

@@ -12,7 +12,6 @@ from edge_agent.sources.opening import open_source
 from edge_agent.sources.recording import SourceError
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
-from shared.codec import Refusal, decode, parse_key
 from shared.messages import (
     WITHOUT_GYRO,
     ImuBatch,
@@ -23,6 +22,7 @@ from shared.messages import (
 )
 from shared.sender import Sender
 from tests.bouncing_phone import Phone
+from tests.heard import message_in
 
 
 def said_of(samples: list[ImuSample]) -> list[Message]:
@@ -34,14 +34,7 @@ def said_of(samples: list[ImuSample]) -> list[Message]:
     for sample in samples:
         agent.take(sample)
     agent.finish()
-    said = []
-    for received in heard:
-        key = parse_key(received.key)
-        assert not isinstance(key, Refusal)
-        message = decode(key, received.payload)
-        assert not isinstance(message, Refusal), message
-        said.append(message)
-    return said
+    return [message_in(received) for received in heard]
 
 
 @pytest.mark.parametrize("worn", ["chest", "vehicle"])

@@ -16,7 +16,8 @@ from command_post.resuming.meanwhile import AGAIN_S, telling
 from command_post.resuming.resume import Made
 from shared.mcap_reader import Recording, read_recording
 from shared.messages import TrackEstimate
-from tests.unit.test_post import NOW_NS, SETTINGS, key, message_in, start, stride
+from tests.heard import message_in
+from tests.unit.test_post import NOW_NS, SETTINGS, key, start, stride
 
 
 @pytest.fixture

@@ -30,7 +30,6 @@ from shared.codec import Refusal, decode, encode, parse_key
 from shared.mcap_reader import read_recording
 from shared.messages import (
     ExerciseStart,
-    Message,
     OdometryIncrement,
     Receipt,
     SafeUpTo,
@@ -41,6 +40,7 @@ from shared.messages import (
 from shared.seal import sealed
 from shared.topics import Key, alive_key
 from shared.units import NS_PER_S
+from tests.heard import message_in
 from tests.waiting import wait_for
 
 START_NS = 1_700_000_000 * NS_PER_S
@@ -80,14 +80,6 @@ def stride(number: int) -> bytes:
 
 def key(topic: str, role: str = "responder", node: str = "r1") -> str:
     return f"clew/v1/fire/{role}/{node}/{topic}"
-
-
-def message_in(received: Received) -> Message:
-    parsed = parse_key(received.key)
-    assert not isinstance(parsed, Refusal)
-    message = decode(parsed, received.payload)
-    assert not isinstance(message, Refusal)
-    return message
 
 
 def estimate_in(received: Received) -> TrackEstimate:

@@ -15,7 +15,8 @@ from shared.bus.memory import MemoryNetwork
 from shared.codec import encode
 from shared.messages import NodeHealth, Order, OrderAnswer, OrderReply, OrderRequest
 from shared.topics import alive_key
-from tests.unit.test_post import NOW_NS, key, message_in, recorded_keys, serving
+from tests.heard import message_in
+from tests.unit.test_post import NOW_NS, key, recorded_keys, serving
 from tests.waiting import wait_for
 
 

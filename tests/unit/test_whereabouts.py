@@ -12,7 +12,6 @@ from edge_agent.sources.simulated_cues import simulated_cues
 from edge_agent.whereabouts import Overheard, Whereabouts
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
-from shared.codec import Refusal, decode, parse_key
 from shared.messages import Contact, LocalPosition, Message, PositionFix
 from shared.rssi_peaks import Peak, PeakSettings
 from shared.sender import Sender
@@ -20,6 +19,7 @@ from shared.simulation.gnss import GnssReceiver
 from shared.simulation.scenario import load_scenario
 from shared.simulation.walker import simulate_walk
 from shared.units import NS_PER_S
+from tests.heard import message_in
 
 START_NS = 1_700_000_000 * NS_PER_S
 DOOR = LocalPosition(north_m=1.0, east_m=2.0, down_m=0.0, covariance_m2=(0.25, 0.0, 0.25))
@@ -43,15 +43,7 @@ def said_by(cues: list[Overheard | GnssReading], stands_at: LocalPosition | None
     for cue in cues:
         unit.take(cue)
     unit.pass_time(at(60.0))
-    return [decoded(received) for received in heard]
-
-
-def decoded(received: Received) -> Message:
-    key = parse_key(received.key)
-    assert not isinstance(key, Refusal)
-    message = decode(key, received.payload)
-    assert not isinstance(message, Refusal)
-    return message
+    return [message_in(received) for received in heard]
 
 
 def test_a_meeting_is_told_with_its_moment() -> None:
