@@ -25,7 +25,7 @@ from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
 from shared.introductions import Introductions
-from shared.messages import Beat, ExerciseStart
+from shared.messages import Beat, ExerciseStart, Message
 from shared.recording_parts import files_of, unfinished_path
 from shared.security.bundle import Bundle
 from shared.security.certificates import AUTHORITY_ID, Identity
@@ -285,10 +285,9 @@ def _wait_until_safe(bus: Bus, children: Children, stop: Event, say: Callable[[s
     last_words = LastWords()
 
     def hear(received: Received) -> None:
-        key = parse_key(received.key)
-        beat = key if isinstance(key, Refusal) else decode(key, received.payload)
-        if isinstance(beat, Beat) and not isinstance(key, Refusal):
-            last_words.hear(key.node_id, beat)
+        node_id, beat = _said_in(received)
+        if isinstance(beat, Beat):
+            last_words.hear(node_id, beat)
 
     roles: tuple[Role, ...] = ("responder", "dap")
     for role in roles:
@@ -334,19 +333,27 @@ def watch_the_pace(
 
     def watch(received: Received) -> None:
         """Compare a message's time with the exercise's."""
-        key = parse_key(received.key)
-        message = key if isinstance(key, Refusal) else decode(key, received.payload)
-        if isinstance(message, Refusal) or isinstance(key, Refusal) or told.is_set():
+        node_id, message = _said_in(received)
+        if message is None or told.is_set():
             return
         behind_ns = clock.now_ns() - message.event_time_ns
         if behind_ns > late_ns:
             told.set()
             say(
-                f"this machine falls behind at {start.speed:g}x: {key.node_id} is "
+                f"this machine falls behind at {start.speed:g}x: {node_id} is "
                 f"{behind_ns / NS_PER_S:.0f} s late; give a lower --speed"
             )
 
     bus.subscribe(str(Key(INCIDENT, "responder", "*", "increment")), watch)
+
+
+def _said_in(received: Received) -> tuple[str, Message | None]:
+    """Return who said it, and what; no message if it is refused."""
+    key = parse_key(received.key)
+    if isinstance(key, Refusal):
+        return "", None
+    message = decode(key, received.payload)
+    return key.node_id, None if isinstance(message, Refusal) else message
 
 
 def _check(children: Children, needed: Collection[str]) -> None:

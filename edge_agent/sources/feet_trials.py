@@ -92,8 +92,8 @@ def trunk_between(path: Path) -> tuple[Recording, Waypoints]:
     return read_npz_set(path).recording, Waypoints(stood_s, between_m)
 
 
-def checked_by_feet(path: Path, counted: StepCount) -> StepCount:
-    """Return steps counted by marks on the feet with what tells whether the marks are right.
+def checked_by_feet(path: Path, recording: Recording, counted: StepCount) -> StepCount:
+    """Return steps of a ``recording`` with what tells whether the marks on the feet are right.
 
     What the feet's own sensors tell as boots, if no samples of them are lost; and how often the
     marks have both feet in the air, or one fly twice without a rest while the other stands.
@@ -101,7 +101,7 @@ def checked_by_feet(path: Path, counted: StepCount) -> StepCount:
     """
     try:
         arrays = load_npz(path)
-        time_s = read_npz_set(path).recording.time_ns / NS_PER_S
+        time_s = recording.time_ns / NS_PER_S
         flights = {side: flights_of(path, arrays, side, time_s) for side in SIDES}
     except NpzFileError as error:
         raise SourceError(str(error)) from error

@@ -21,6 +21,7 @@ import numpy as np
 import structlog
 
 from edge_agent.gnss import SpeedReading, speed_reading
+from edge_agent.sources.phone_stream import SHORTEST_PERIOD_NS, SILENT_NS
 from edge_agent.sources.recording import (
     Array,
     Recording,
@@ -38,10 +39,7 @@ XYZ = ("x", "y", "z")
 LATEST_ROW_NS = NS_PER_S
 """A row that is written later than this after its time was not late: the clock was set back."""
 
-SHORTEST_PERIOD_S = 1e-4
 LATEST_NS = 2**62
-SILENT_S = 0.25
-"""So far from its readings a gyroscope is taken to have read nothing."""
 
 METADATA = "metadata.csv"
 EXPECTED = (
@@ -77,9 +75,10 @@ def read_phone_export(path: Path, *, needs_gyro: bool = True) -> Recording:
     export = _opened(path)
     force = _force(path, export)
     time_s = (force.time_ns - force.time_ns[0]) / NS_PER_S
-    if float(np.median(np.diff(time_s))) < SHORTEST_PERIOD_S:
+    period_ns = float(np.median(np.diff(force.time_ns)))
+    if period_ns < SHORTEST_PERIOD_NS:
         raise SourceError(
-            f"{path}: forces are {np.median(np.diff(force.time_ns)):.0f} ns apart, which no phone "
+            f"{path}: forces are {period_ns:.0f} ns apart, which no phone "
             "reads: times are to be nanoseconds, as the app writes them; export it again"
         )
 
@@ -88,7 +87,7 @@ def read_phone_export(path: Path, *, needs_gyro: bool = True) -> Recording:
         return at_times(time_s, own_s, sensor.readings, within_s)
 
     gyro = _sensor(path, export, "Gyroscope", XYZ)
-    rate_rad_s = None if gyro is None else at_force(gyro, SILENT_S)
+    rate_rad_s = None if gyro is None else at_force(gyro, SILENT_NS / NS_PER_S)
     if rate_rad_s is None and needs_gyro:
         raise SourceError(f"{path}: no Gyroscope.csv in it; the app must record {EXPECTED}")
     refuse_other_units(path, force.readings, rate_rad_s, ("the accelerometer", "Gyroscope.csv"))

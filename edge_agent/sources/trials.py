@@ -161,7 +161,7 @@ def _reader(path: Path, mount: MountName) -> Callable[[Path], TrialData] | None:
 def _read_npz(path: Path, *, needs_gyro: bool) -> TrialData:
     recording, truth = read_npz_set(path, needs_gyro=needs_gyro)
     if isinstance(truth, StepCount) and has_feet(path):
-        truth = checked_by_feet(path, truth)
+        truth = checked_by_feet(path, recording, truth)
     return TrialData(recording, truth)
 
 
