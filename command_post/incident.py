@@ -7,7 +7,7 @@ bytes come out. Nothing happens between two calls.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType
 
 from command_post.desks.announcer import Announcer, Outgoing
@@ -30,6 +30,7 @@ from command_post.nodes.senders import Senders
 from command_post.nodes.set_aside import Attendant, SetAside, fused, heard
 from command_post.nodes.teams import TeamWatch
 from command_post.nodes.told import LastMovement, RaisedAlarm, Told, why_nowhere
+from command_post.nodes.told_until import ToldUntil
 from command_post.resuming import begin_anew
 from command_post.resuming.last_told import LastTold
 from shared.codec import Refusal, decode
@@ -46,7 +47,7 @@ from shared.messages import (
     Supplies,
 )
 from shared.seal import Seal, read_seal
-from shared.topics import Key, Role
+from shared.topics import TOPICS, Key, Role
 
 __all__ = ["MOST_NODES", "Incident", "IncidentSettings"]
 
@@ -72,6 +73,7 @@ class Incident:
         self._keys = KnownKeys()
         self._heard_ns: dict[tuple[Role, str], int] = {}
         self._told = Told()
+        self._told_until = ToldUntil()
         self._teams = TeamWatch(settings.teams)
         self._senders = Senders(settings.hold_ns, settings.post_id)
         self._dating = Dating(self._senders)
@@ -244,6 +246,9 @@ class Incident:
         if before_ns is not None:
             with self._set_aside.passing("forgetting"):
                 self._tracker.forget(before_ns)
+        with self._set_aside.passing("telling of who is silent"):
+            silent = self._tracker.pass_time(now_ns - self.settings.hold_ns)
+            made += self._tracks(silent, now_ns)
         with self._set_aside.passing("looking who is silent"):
             made += self._desk.pass_time(now_ns)
         self._set_aside.tell(now_ns)
@@ -252,8 +257,11 @@ class Incident:
     @property
     def due_ns(self) -> int | None:
         """When something is due next, were nothing heard until then."""
-        due_ns = [each for each in (self._time_line.due_ns, self._desk.due_ns) if each is not None]
-        return min(due_ns, default=None)
+        silent_ns = self._tracker.silent_due_ns
+        if silent_ns is not None:
+            silent_ns += self.settings.hold_ns
+        due_ns = (self._time_line.due_ns, self._desk.due_ns, silent_ns)
+        return min((each for each in due_ns if each is not None), default=None)
 
     def said(self, message: Order | Receipt | StationTable | SiteAdvice) -> Outgoing:
         """Return what the post itself has to say as it is to be published."""
@@ -347,11 +355,19 @@ class Incident:
             self._notices.tell(reason, key.node_id, f"dap: {why}")
         self._told.take(key.role, key.node_id, message, now_ns)
         if key.role == "responder":
-            time_ns = self._senders.time_ns(key.role, key.node_id, message.event_time_ns, seal)
-            self._tracker.heard(key.node_id, min(time_ns, now_ns))
+            self._hear_until(key, message, now_ns, seal)
         events = self._dating.date(key, message, now_ns, seal) if key.topic in FUSED else []
         for event in (*self._dating.dated_by_now(key, now_ns), *events):
             self._put(event, now_ns)
+
+    def _hear_until(self, key: Key, message: Message, now_ns: int, seal: Seal | None) -> None:
+        """Let the tracker know until when a responder has told all."""
+        journalled = TOPICS[key.topic].journalled
+        until_ns = self._told_until.hear(key.node_id, message, seal, journalled=journalled)
+        if until_ns is not None:
+            time_ns = self._senders.time_ns(key.role, key.node_id, until_ns, seal)
+            beat_s = self._told_until.beat_s(key.node_id)
+            self._tracker.heard(key.node_id, min(time_ns, now_ns), beat_s)
 
     def _put(self, event: Event, now_ns: int) -> None:
         """Have an event wait for its turn, unless it comes too late to be fused."""
@@ -384,15 +400,20 @@ class Incident:
         yield from [] if known is None else self._desk.doubt(known, time_ns)
         changes = self._tracker.take_changes()
         self._set_aside.take(changes.mishaps)
-        for responder_id, estimate in changes.estimates:
-            yield self._announcer.track(responder_id, estimate)
-            left = self._teams.take(responder_id, estimate)
-            yield from self._desk.leave(left, time_ns)
+        yield from self._tracks(changes.estimates, time_ns)
         for dap_id, dap in changes.daps:
             # The DAP knows its installation by the time that it gave itself.
             said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
             self._dap_places[dap_id] = place = self._announcer.dap_place(dap_id, dap, said_ns)
             yield place
+
+    def _tracks(
+        self, estimates: Iterable[tuple[str, Estimate]], time_ns: int
+    ) -> Iterator[Outgoing]:
+        """Say where responders are, and alert to who leaves their team."""
+        for responder_id, estimate in estimates:
+            yield self._announcer.track(responder_id, estimate)
+            yield from self._desk.leave(self._teams.take(responder_id, estimate), time_ns)
 
     def _give(self, node_id: str, message: Message) -> None:
         self._handing_over.give(node_id, message)

@@ -83,6 +83,8 @@ class Agent:
         self._told_sd_rad: float | None = None
         self._moved = False
         self._samples = 0
+        self.followed_until_ns: int | None = None
+        """Until when all that the wearer moved is told; ``None`` before any sample."""
         self.start_payload: bytes | None = None
         """The newest start as it was sent, for posts that come late and ask; ``None`` before."""
 
@@ -159,6 +161,9 @@ class Agent:
         if increment is not None:
             self._moved = True
             self._send_increment(increment)
+        follows = self._mount.ready and readable(sample, needs_gyro=self._worn not in WITHOUT_GYRO)
+        if follows or self.followed_until_ns is None:
+            self.followed_until_ns = sample.time_ns
 
     def _watch(self, sample: ImuSample) -> None:
         """Send the alarms and the findings that a sample gives rise to."""

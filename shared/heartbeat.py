@@ -41,18 +41,21 @@ class Heartbeat:
         now_ns: Callable[[], TimeNs] = time.time_ns,
         clock_statement: Callable[[bytes], ClockStatement | None] = lambda _: None,
         supplies: Callable[[], Supplies | None] = lambda: None,
+        followed_until_ns: Callable[[], TimeNs | None] = lambda: None,
     ) -> None:
         """Answer for the journal from now on.
 
         ``now_ns``: the clock that the node dates by; ``clock_statement``: what it knows of that
-        clock, for the journal of a run. ``supplies``: what it has left. ``verifier`` tells whose
-        receipts are heeded: without one, everybody's.
+        clock, for the journal of a run. ``supplies``: what it has left. Until ``followed_until_ns``
+        its wearer was followed. ``verifier`` tells whose receipts are heeded: without one,
+        everybody's.
         """
         self._now_ns = now_ns
         self._bus = bus
         self._outbox = outbox
         self._clock_statement = clock_statement
         self._supplies = supplies
+        self._followed_until_ns = followed_until_ns
         self._leaves = self._is_meant = False
         self._sender = Sender(bus, incident, role, node_id, outbox)
         self._role: Role = role
@@ -75,6 +78,8 @@ class Heartbeat:
         for received in self._receipts.get_all():
             self._heed(received)
         self._outbox.tend()
+        # Asked first: what is followed meanwhile may not be in the journal yet.
+        followed_until_ns = self._followed_until_ns()
         for holding in self._outbox.holdings():
             self._sender.send(
                 Beat(
@@ -88,6 +93,7 @@ class Heartbeat:
                     clock=self._clock_statement(holding.run),
                     supplies=self._supplies(),
                     leaves=self._leaves,
+                    followed_until_ns=followed_until_ns,
                 )
             )
 

@@ -43,7 +43,10 @@ class Node(NamedTuple):
 
     @contextmanager
     def beating(
-        self, journal: Path, supplies: Callable[[], Supplies | None] = lambda: None
+        self,
+        journal: Path,
+        supplies: Callable[[], Supplies | None] = lambda: None,
+        followed_until_ns: Callable[[], TimeNs | None] = lambda: None,
     ) -> Iterator[NodeTime]:
         """Give its time at the post; meanwhile its heartbeat tells that, and what it has left.
 
@@ -57,6 +60,7 @@ class Node(NamedTuple):
                 self.bus, self.incident, self.role, self.node_id, self.outbox,
                 verifier=self.verifier, now_ns=self.clock.now_ns,
                 clock_statement=node_time.statement, supplies=supplies,
+                followed_until_ns=followed_until_ns,
             ),
         ):  # fmt: skip
             yield node_time

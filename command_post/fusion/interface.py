@@ -116,8 +116,18 @@ class Fusion(Protocol):
     def install(self, dap_id: str, said: DapInstallation) -> None:
         """A DAP was set down."""
 
-    def heard(self, responder_id: str, time_ns: int) -> None:
-        """A responder's unit is still there, whatever it said."""
+    def heard(self, responder_id: str, time_ns: int, beat_s: float | None = None) -> None:
+        """A responder's unit has told all that they moved until then; it does so every ``beat_s``.
+
+        ``None`` of one that tells nothing while its wearer stands.
+        """
+
+    @property
+    def silent_due_ns(self) -> int | None:
+        """When ``pass_time`` may have something to tell; ``None`` if not before more is heard."""
+
+    def pass_time(self, time_ns: int) -> list[tuple[str, Estimate]]:
+        """Tell in turn of who should have been heard by ``time_ns``, up to which all is fused."""
 
     def forget(self, before_ns: int) -> None:
         """Nothing comes any more that happened before ``before_ns``: drop what is of no use now."""

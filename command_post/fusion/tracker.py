@@ -129,8 +129,16 @@ class Tracker:
         elif outcome == "placed" or said.position is None:
             self._changed_daps[dap_id] = self._daps[dap_id]
 
-    def heard(self, responder_id: str, time_ns: int) -> None:
+    def heard(self, responder_id: str, time_ns: int, beat_s: float | None = None) -> None:
         """Pass over it: the published filter says nothing of who is silent."""
+
+    @property
+    def silent_due_ns(self) -> None:
+        """Nothing is."""
+
+    def pass_time(self, time_ns: int) -> list[tuple[str, Estimate]]:  # noqa: ARG002
+        """Return nothing, for the same reason."""
+        return []
 
     def forget(self, before_ns: int) -> None:
         """Do nothing: no more is kept than where everybody is."""

@@ -120,7 +120,7 @@ def run(
             agent = _agent(node, follower, worn, place, known_point, imu=imu, drop_desk=drop_desk)
             node.bus.answer(node.sender().key(TrackStart), lambda _: agent.start_payload)
             with (
-                _orders_heeded(node, itself, acknowledged, drop_desk, has.supplies),
+                _orders_heeded(node, itself, acknowledged, agent, drop_desk, has.supplies),
                 _mayday_desk(node, itself, has.button, opened.controls),
                 RadioDesk(
                     node, radios, KeptStations(itself.journal_file), has.radio_offset, drop_desk
@@ -163,12 +163,14 @@ def _drop_desk(sender: Sender, daps: int) -> DropDesk | None:
 
 @contextmanager
 def _orders_heeded(
-    node: Node, itself: UnitItself, acknowledged: Event, drop_desk: DropDesk | None,
-    supplies: Path | None,
+    node: Node, itself: UnitItself, acknowledged: Event, agent: Agent,
+    drop_desk: DropDesk | None, supplies: Path | None,
 ) -> Iterator[None]:  # fmt: skip
     """Have the unit's heart beat, and heed what its post orders, by the time that it is there."""
     with (
-        node.beating(itself.journal_file, SupplyGauge(supplies)) as node_time,
+        node.beating(
+            itself.journal_file, SupplyGauge(supplies), lambda: agent.followed_until_ns
+        ) as node_time,
         OrderDesk(
             node.bus, node.incident, OrderBook(node.node_id, itself.post_id), node.sender(),
             Gate(node.verifier), node.clock, acknowledged, tell_wearer, node_time.post_time_ns,

@@ -60,7 +60,8 @@ class Beat(Message, frozen=True, kw_only=True):
     ``kept_from`` are there no more and those up to ``acknowledged`` are known to be safe elsewhere.
     The disk has ``lost`` some between: nobody is to wait for them. ``clock`` is what the node knows
     of its clock, ``None`` if nothing. ``supplies`` are what it has left, where that is told. The
-    last beat of a node that is switched off says that it ``leaves``.
+    last beat of a node that is switched off says that it ``leaves``. All that its wearer moved
+    until ``followed_until_ns`` is in the journal: ``None`` of who follows nobody, or does not say.
     """
 
     run: RunId
@@ -71,6 +72,7 @@ class Beat(Message, frozen=True, kw_only=True):
     lost: Annotated[tuple[MessageNumber, ...], Meta(max_length=MOST_LOST)] = ()
     supplies: Supplies | None = None
     leaves: bool = False
+    followed_until_ns: TimeNs | None = None
 
 
 class SafeUpTo(msgspec.Struct, frozen=True, kw_only=True, gc=False):

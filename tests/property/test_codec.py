@@ -59,7 +59,7 @@ WIRE_FIELDS = {
     "heading_sd_rad last_proximity_time_ns down_sd_m regions_m floors status reason",
     "dap_place": "event_time_ns sequence dap_id position",
     "beat": "event_time_ns sequence run last_number kept_from acknowledged clock lost "
-    "supplies leaves",
+    "supplies leaves followed_until_ns",
     "receipt": "event_time_ns sequence safe",
     "order": "event_time_ns sequence kind to text said_ns",
     "order_request": "event_time_ns sequence kind to text",
@@ -80,7 +80,7 @@ ADDED_SINCE = {
     "down_sd_m", "regions_m", "floors", "status", "reason", "clock", "spans", "said_ns", "lost",
     "near_log_odds", "range_m", "range_sd_m", "at_rest",
     "supplies", "leaves", "battery", "charging", "temperature_c", "air_bar", "air_left_s",
-    "worry",
+    "worry", "followed_until_ns",
 }  # fmt: skip
 """Fields that a sender of the first version 1 does not know."""
 

@@ -106,7 +106,12 @@ def test_what_is_due_needs_no_further_message_to_come_out() -> None:
     assert incident.due_ns == due_ns
     assert incident.pass_time(due_ns - 1) == []
     assert len(incident.pass_time(due_ns)) == 1
-    assert incident.due_ns is None
+    silent_ns = incident.due_ns
+    assert silent_ns is not None
+    assert incident.pass_time(silent_ns - 1) == []
+    (told,) = map(decoded, incident.pass_time(silent_ns))
+    assert isinstance(told, TrackEstimate)
+    assert (told.status, told.reason) == ("lost", "nothing heard for 20 s")
 
 
 @pytest.mark.parametrize("method", ["team", "published"])

@@ -11,6 +11,7 @@ from command_post.fusion.team.heights import storey_shares
 from command_post.fusion.team.log import END_OF_TIME_NS, ResponderLog
 from command_post.fusion.team.move_log import DOWN, DOWN_M2, EAST, NORTH, Floats, Moves
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.silences import is_silent, unheard_m
 from command_post.fusion.team.solving import Solved
 from command_post.fusion.team.unseen import BEFORE, Unseen, unseen_before
 from command_post.fusion.track import MOST_COORDINATE_M, Estimate, told_covariance, within
@@ -107,16 +108,17 @@ def estimate_of(
     unseen = unseen_before(every, settings).last(since.end_ns.size)
     dn, de = _way_since(pose, since, unseen)
     time_ns = int(since.end_ns[-1]) if since.end_ns.size else pose.time_ns
-    silent_s = (
-        max(now_ns - max(time_ns - pose.ahead_ns, log.heard_ns), 0) / NS_PER_S - settings.silence_s
-    )
-    unheard_m2 = (settings.silent_speed_m_s * max(silent_s, 0.0)) ** 2
+    silent_s = max(now_ns - max(time_ns - pose.ahead_ns, log.heard_ns), 0) / NS_PER_S
+    unheard_m2 = unheard_m(silent_s, log, settings) ** 2
     nn, ne, ee, turn_rad2 = _covariance(pose, since, unseen, (dn, de), unheard_m2, settings)
     down_m = pose.down[0] + math.fsum((since.values[:, DOWN] + unseen.way_m[:, 2]).tolist())
     climbed_m2 = (since.values[:, DOWN_M2] + unseen.down_m2).tolist()
     down_m2 = pose.down[1] + max(math.fsum(climbed_m2), 0.0)
     down_sd_m = math.sqrt(max(down_m2, 0.0))
-    status, reason = _status(pose, time_ns, silent_s, (nn, ne, ee), turn_rad2, settings)
+    status, reason = _status(pose, time_ns, (nn, ne, ee), turn_rad2, settings)
+    if is_silent(silent_s, log, settings):
+        status = "lost" if silent_s > settings.silence_s else "dead_reckoning"
+        reason = f"{SILENT} for {silent_s:.0f} s"
     last = log.moves.last_heading_rad
     return Estimate(
         time_ns=max(time_ns - pose.ahead_ns, now_ns),
@@ -190,7 +192,6 @@ def bent_back(turn_rad2: float) -> float:
 def _status(
     pose: Pose,
     time_ns: int,
-    silent_s: float,
     covariance_m2: tuple[float, float, float],
     turn_rad2: float,
     settings: TeamSettings,
@@ -199,8 +200,6 @@ def _status(
     nn, _, ee = covariance_m2
     sd_m = math.sqrt(max(nn, ee, 0.0))
     untied_s = (time_ns - pose.tied_ns) / NS_PER_S
-    if silent_s > 0.0:
-        return "lost", f"{SILENT} for {silent_s + settings.silence_s:.0f} s"
     is_sharp = pose.is_told and math.sqrt(turn_rad2) <= settings.recovered_turn_sd_rad
     if pose.unit > 0 and not is_sharp:
         since_s = (time_ns - pose.unit_ns) / NS_PER_S

@@ -98,7 +98,8 @@ class Installed(NamedTuple):
 class ResponderLog:
     """What has been heard of one responder.
 
-    ``heard_ns`` is when they last sent anything, ``near_ns`` when a DAP last heard them near.
+    Until ``heard_ns`` their unit told all that they moved, as it does every ``beat_s`` if it beats;
+    ``near_ns`` is when a DAP last heard them near.
     """
 
     starts: list[Start] = field(default_factory=list)
@@ -109,7 +110,14 @@ class ResponderLog:
     fixes: list[Fix] = field(default_factory=list)
     heights: list[Height] = field(default_factory=list)
     heard_ns: int = 0
+    beat_s: float | None = None
     near_ns: int | None = None
+
+    @property
+    def known_ns(self) -> int:
+        """Until when it is known where they went."""
+        began_ns = self.starts[-1].time_ns if self.starts else 0
+        return max(self.heard_ns, self.moves.last_end_ns, began_ns)
 
     def starts_until(self, time_ns: int) -> list[Start]:
         """Return the starts that count by ``time_ns``: of several with no move between, the last.

@@ -149,6 +149,8 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     front_particles: Annotated[int, Meta(ge=64, le=100_000)] = 1024
     silence_s: Seconds = 20.0
+    missed_beats: Annotated[float, Meta(ge=1.0, le=100.0)] = 3.0
+    missed_s: Seconds = 3.0
     silent_speed_m_s: Metres = 0.5
     untied_s: Seconds = 90.0
     lost_sd_m: Metres = 8.0

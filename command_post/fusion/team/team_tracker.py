@@ -37,6 +37,7 @@ from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
 from command_post.fusion.team.making import Fresh
 from command_post.fusion.team.move_log import Floats
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.silences import Silences
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution, concerning
 from command_post.fusion.team.solving import commit, solve
@@ -82,6 +83,8 @@ class TeamTracker:
         self._storeys_m = np.empty(0)
         self._storeys_of: dict[str, Floats] = {}
         self._estimates: dict[str, Estimate] = {}
+        self._silences = Silences(settings)
+        self._time_ns = 0
         self._doubts = StandingDoubts()
         self._daps: dict[str, InstalledDap] = {}
         self._told_daps: dict[str, InstalledDap] = {}
@@ -177,11 +180,29 @@ class TeamTracker:
             of_dap=event.node == "dap",
         )  # fmt: skip
 
-    def heard(self, responder_id: str, time_ns: int) -> None:
-        """Note that a responder's unit is still there, whatever it said."""
+    def heard(self, responder_id: str, time_ns: int, beat_s: float | None = None) -> None:
+        """Note that a responder's unit has told all until then."""
         log = self._log.responders.get(responder_id)
         if log is not None:
             log.heard_ns = max(log.heard_ns, time_ns)
+            if log.beat_s is None and beat_s is not None:
+                self._silences.look(responder_id, time_ns)
+            log.beat_s = beat_s
+            self._silences.heard(responder_id, log)
+
+    @property
+    def silent_due_ns(self) -> int | None:
+        """When somebody may have to be told of who is silent; ``None`` if nobody."""
+        return self._silences.due_ns
+
+    def pass_time(self, time_ns: int) -> list[tuple[str, Estimate]]:
+        """Return where they are, as time passes, of whom nothing is heard: nobody knows."""
+        self._time_ns = max(self._time_ns, time_ns)
+        told = []
+        for at_ns, responder_id in self._silences.due(self._log.responders, time_ns):
+            estimate = self._estimates[responder_id] = self._estimate(responder_id, at_ns)
+            told.append((responder_id, estimate))
+        return told
 
     def forget(self, before_ns: int) -> None:
         """Drop what is of no use if nothing comes any more that happened before ``before_ns``.
@@ -304,9 +325,18 @@ class TeamTracker:
         if responder_id not in self._log.responders:
             self.counts["too_many_responders"] += 1
             return
-        estimate = self._estimate(responder_id, 0)
+        estimate = self._estimate(responder_id, self._told_until_ns(responder_id))
         self._estimates[responder_id] = estimate
         self._changed[responder_id] = estimate
+        self._silences.told(responder_id, estimate.time_ns)
+
+    def _told_until_ns(self, responder_id: str) -> int:
+        """Return for when it was told where they are: what comes late is not to set them back.
+
+        A clock that is ahead is another matter.
+        """
+        told = self._estimates.get(responder_id)
+        return 0 if told is None else min(told.time_ns, self._time_ns)
 
     def _tick(self, time_ns: int) -> None:
         """Solve each crew at its last tick before ``time_ns``, unless that is done."""
@@ -355,10 +385,12 @@ class TeamTracker:
             self._storeys_of[chain.responder_id] = self._storeys_m
             own = log.responders[chain.responder_id]
             self._fronts.keep(solved, index, own, time_ns, self._settings)
-            estimate = self._estimate(chain.responder_id, time_ns)
+            until_ns = max(time_ns, self._told_until_ns(chain.responder_id))
+            estimate = self._estimate(chain.responder_id, until_ns)
             self._estimates[chain.responder_id] = estimate
             if time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
                 self._changed[chain.responder_id] = estimate
+                self._silences.told(chain.responder_id, estimate.time_ns)
         self._keep_daps(self._commits.published(crew, time_ns, daps_of(log, solved, heights)))
 
     def _keep_daps(self, told: Mapping[str, InstalledDap]) -> None:

@@ -1,0 +1,97 @@
+"""Until when responders have told all that they moved: who beats and is waited for may walk (pure).
+
+Of who stands nothing is heard but that their unit is at work. That says that they stand only if
+nothing is on its way that says otherwise: no stride in its journal that has not come, and no sensor
+that it has still to follow.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import pairwise
+from statistics import median
+
+from shared.messages import Beat, Message
+from shared.received_numbers import ReceivedNumbers
+from shared.seal import Seal
+from shared.units import NS_PER_S
+
+MOST_RUNS = 4
+"""Journals of a node that are counted: older ones are of no unit that is at work."""
+
+BEATS_REMEMBERED = 5
+
+
+class ToldUntil:
+    """All responders that were heard.
+
+    Who never beat sends what they have to say as it happens, and has told all by whatever comes.
+    """
+
+    def __init__(self) -> None:
+        self._units: dict[str, _Unit] = {}
+
+    def hear(
+        self, responder_id: str, message: Message, seal: Seal | None, *, journalled: bool
+    ) -> int | None:
+        """Return until when, by the unit's clock, it has now told all; ``None`` if not even so."""
+        unit = self._units.get(responder_id)
+        if unit is None:
+            unit = self._units[responder_id] = _Unit()
+        if isinstance(message, Beat):
+            return unit.beat(message)
+        if journalled and seal is not None:
+            unit.count(seal)
+        return None if unit.beats else message.event_time_ns
+
+    def beat_s(self, responder_id: str) -> float | None:
+        """Return how long it is from beat to beat as a rule; ``None`` of who does not beat."""
+        unit = self._units.get(responder_id)
+        return None if unit is None else unit.beat_s
+
+
+class _Unit:
+    """What has come of one responder's journals, and when their beats were."""
+
+    def __init__(self) -> None:
+        self._runs: dict[bytes, ReceivedNumbers] = {}
+        self._beats_ns: deque[int] = deque(maxlen=BEATS_REMEMBERED)
+
+    @property
+    def beats(self) -> bool:
+        """Whether it has ever beaten."""
+        return bool(self._beats_ns)
+
+    @property
+    def beat_s(self) -> float | None:
+        """The usual time from beat to beat; ``None`` after one."""
+        times_ns = list(self._beats_ns)
+        gaps_ns = [abs(after - before) for before, after in pairwise(times_ns)]
+        return median(gaps_ns) / NS_PER_S if gaps_ns else None
+
+    def count(self, seal: Seal) -> None:
+        """Take in the number of a message of a journal."""
+        self._numbers(seal.run).take(seal.number)
+
+    def beat(self, beat: Beat) -> int | None:
+        """Return until when all was told, by a beat that says what there is."""
+        self._beats_ns.append(beat.event_time_ns)
+        numbers = self._numbers(bytes.fromhex(beat.run))
+        # What is acknowledged a post has, though perhaps from before it was started again.
+        numbers.give_up(min(max(beat.kept_from, beat.acknowledged + 1), beat.last_number + 1))
+        numbers.exist(beat.last_number)
+        for number in beat.lost:
+            numbers.take(number)
+        if numbers.missing:
+            return None
+        if beat.followed_until_ns is None:
+            return beat.event_time_ns
+        return min(beat.followed_until_ns, beat.event_time_ns)
+
+    def _numbers(self, run: bytes) -> ReceivedNumbers:
+        numbers = self._runs.get(run)
+        if numbers is None:
+            numbers = self._runs[run] = ReceivedNumbers()
+            if len(self._runs) > MOST_RUNS:
+                del self._runs[next(iter(self._runs))]
+        return numbers
