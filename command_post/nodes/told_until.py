@@ -40,9 +40,8 @@ class ToldUntil:
             unit = self._units[responder_id] = _Unit()
         if isinstance(message, Beat):
             return unit.beat(message)
-        if journalled and seal is not None:
-            unit.count(seal)
-        return None if unit.beats else message.event_time_ns
+        told_ns = unit.count(seal) if journalled and seal is not None else None
+        return told_ns if unit.beats else message.event_time_ns
 
     def beat_s(self, responder_id: str) -> float | None:
         """Return how long it is from beat to beat as a rule; ``None`` of who does not beat."""
@@ -56,6 +55,8 @@ class _Unit:
     def __init__(self) -> None:
         self._runs: dict[bytes, ReceivedNumbers] = {}
         self._beats_ns: deque[int] = deque(maxlen=BEATS_REMEMBERED)
+        self._waits: tuple[ReceivedNumbers, int] | None = None
+        """For what the newest beat waits, and what it says once that has come."""
 
     @property
     def beats(self) -> bool:
@@ -69,9 +70,10 @@ class _Unit:
         gaps_ns = [abs(after - before) for before, after in pairwise(times_ns)]
         return median(gaps_ns) / NS_PER_S if gaps_ns else None
 
-    def count(self, seal: Seal) -> None:
-        """Take in the number of a message of a journal."""
+    def count(self, seal: Seal) -> int | None:
+        """Take in the number of a message of a journal; return what it makes certain."""
         self._numbers(seal.run).take(seal.number)
+        return self._all_told_ns()
 
     def beat(self, beat: Beat) -> int | None:
         """Return until when all was told, by a beat that says what there is."""
@@ -82,11 +84,17 @@ class _Unit:
         numbers.exist(beat.last_number)
         for number in beat.lost:
             numbers.take(number)
-        if numbers.missing:
+        until_ns = beat.event_time_ns
+        if beat.followed_until_ns is not None:
+            until_ns = min(beat.followed_until_ns, until_ns)
+        self._waits = numbers, until_ns
+        return self._all_told_ns()
+
+    def _all_told_ns(self) -> int | None:
+        if self._waits is None or self._waits[0].missing:
             return None
-        if beat.followed_until_ns is None:
-            return beat.event_time_ns
-        return min(beat.followed_until_ns, beat.event_time_ns)
+        until_ns, self._waits = self._waits[1], None
+        return until_ns
 
     def _numbers(self, run: bytes) -> ReceivedNumbers:
         numbers = self._runs.get(run)

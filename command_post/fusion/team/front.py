@@ -180,7 +180,10 @@ def told_by_cloud(
     estimate: Estimate, cloud: Cloud, since: Sequence[OdometryIncrement], heading_rad: float,
     responder_id: str, settings: TeamSettings,
 ) -> Estimate:  # fmt: skip
-    """Return the estimate as the cloud has it, ``since`` being the moves after it was made."""
+    """Return the estimate as the cloud has it, ``since`` being the moves after it was made.
+
+    Where one may have gone since who is not heard of, the estimate's covariance tells.
+    """
     cloud = _moved(cloud, since, responder_id)
     told = moments(cloud)
     sd_m = math.sqrt(max(told.covariance_m2[0], told.covariance_m2[2], 0.0))
@@ -190,13 +193,16 @@ def told_by_cloud(
     if not all(map(math.isfinite, (told.north_m, told.east_m, *told.covariance_m2))):
         return estimate
     nn, ne, ee = told.covariance_m2
+    if is_silent := estimate.reason.startswith(SILENT):
+        own_nn, own_ne, own_ee = estimate.covariance_m2
+        nn, ne, ee = nn + own_nn, ne + own_ne, ee + own_ee
     return estimate._replace(
         north_m=within(told.north_m, MOST_COORDINATE_M),
         east_m=within(told.east_m, MOST_COORDINATE_M),
         covariance_m2=told_covariance(nn, ne, ee),
         heading_rad=wrap_rad(heading_rad + told.offset_rad),
         heading_sd_rad=told.offset_sd_rad,
-        regions_m=regions(cloud, told) if sd_m < WIDEST_REGION_M else (),
+        regions_m=() if is_silent or sd_m >= WIDEST_REGION_M else regions(cloud, told),
     )
 
 
