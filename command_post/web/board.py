@@ -36,7 +36,7 @@ from shared.units import NS_PER_S
 
 SILENCE_S = 20.0
 SILENT_SPEED_M_S = 0.5
-"""Who is not heard for longer than that may have gone on so fast (as the team's fusion has it)."""
+"""Who is not heard for longer than that may have gone on so fast since an estimate was told."""
 
 TRAIL_POINTS = 300
 TRAIL_SPACING_M = 0.5
