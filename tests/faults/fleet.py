@@ -277,6 +277,11 @@ def is_safe(journal: Path) -> bool:
     return found == [(1,)]
 
 
+def acknowledged(journal: Path) -> int:
+    """Return how many messages of a journal the post has acknowledged."""
+    return sum(number for (number,) in _read(journal, "SELECT acknowledged FROM about"))
+
+
 def _read(journal: Path, query: str) -> list[Any]:
     """Return what ``query`` finds; nothing in a file that its node is only just making."""
     connection = sqlite3.connect(f"file:{journal}?mode=ro", uri=True)
