@@ -31,7 +31,7 @@ from tests.waiting import wait_for
 STARTED_S = 60.0
 """A post may take that long to start on a busy machine."""
 
-STRIDES_PER_S = 10.0
+STRIDES_PER_S = 4.0
 
 
 @pytest.fixture(autouse=True)
@@ -165,23 +165,23 @@ def estimates_in(recording: Path) -> Iterator[TrackEstimate]:
 def test_killed_again_and_again_it_goes_on_with_everything(site: Site) -> None:
     with site.talking("r1", "r2"):
         site.start()
-        site.records(30)
+        site.records(15)
         site.kill()
         site.start()
-        site.records(60)
+        site.records(25)
         site.kill()
         # Once more, and again while it takes the incident up.
         site.start()
         wait_for(site.has_opened_the_recording, "the recording to be taken up", STARTED_S)
         site.kill()
         site.start()
-        site.records(60)
+        site.records(25)
     assert site.stop() == ExitCode.OK
     assert not (site.folder / "a.mcap.checkpoint").exists()
     site.assert_whole(times_killed=2 + site.said().count("taken up again") - 2)
     sequences = [estimate.sequence for estimate in estimates_in(site.recording)]
     assert sequences == list(range(len(sequences)))
-    assert len(sequences) > 100
+    assert len(sequences) > 50
 
 
 def test_killed_before_it_heard_anything_it_begins_as_usual(site: Site) -> None:
