@@ -18,7 +18,7 @@ from command_post.evaluation.evidence import Evidence
 from command_post.incident import Incident as OwnIncident
 from command_post.incident import IncidentSettings
 from command_post.recorder.recorded import Incident
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import Refusal, message_of
 from shared.mcap_reader import ReadReport, RecordingError, read_recording
 
 
@@ -190,8 +190,7 @@ class _Comparison:
 
 def _fields(key_text: str, payload: bytes) -> dict[str, Any]:
     """Return the fields of a message by name; of anything else, its bytes."""
-    key = parse_key(key_text)
-    message = key if isinstance(key, Refusal) else decode(key, payload)
+    message = message_of(key_text, payload)
     if isinstance(message, Refusal):
         return {"bytes": payload}
     return structs.asdict(message)

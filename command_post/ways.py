@@ -13,7 +13,6 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import Literal, TypeAlias
 
 import msgspec
-import networkx as nx
 
 from command_post.floors import APART_M
 from command_post.fusion.track_map import JOIN_DOWN_M, SPACING_M, STEEP, Places
@@ -65,8 +64,12 @@ class WalkedGround:
     """The graph of what was walked so far; grows place by place as estimates come."""
 
     def __init__(self) -> None:
+        # A post that nobody asks for ways is back the sooner for not loading it.
+        import networkx as nx  # noqa: PLC0415
+
         self._places = Places()
         self._graph = nx.Graph()
+        self._search = nx.single_source_dijkstra
         self._last: dict[NodeId, tuple[int, Point]] = {}
         self._entrances: list[int] = []
 
@@ -102,7 +105,7 @@ class WalkedGround:
         goal = self._nearest(goal_m)
         if goal is None:
             return None
-        seconds, paths = nx.single_source_dijkstra(self._graph, goal, weight=self._seconds)
+        seconds, paths = self._search(self._graph, goal, weight=self._seconds)
         found = []
         for name, place_m, heading_rad in rescuers:
             start = self._nearest(place_m)
@@ -118,7 +121,7 @@ class WalkedGround:
         start = self._nearest(place_m)
         if start is None:
             return None
-        seconds, paths = nx.single_source_dijkstra(self._graph, start, weight=self._seconds)
+        seconds, paths = self._search(self._graph, start, weight=self._seconds)
         reached = [goal for goal in goals if goal in seconds]
         if not reached:
             return None

@@ -62,3 +62,9 @@ def decode(key: Key, payload: bytes) -> Message | Refusal:
         return Refusal("invalid", str(error))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, ValueError) as error:
         return Refusal("not_messagepack", str(error))
+
+
+def message_of(key: str, payload: bytes) -> Message | Refusal:
+    """Return the message that ``payload`` holds under the text of a key, or why it is refused."""
+    parsed = parse_key(key)
+    return parsed if isinstance(parsed, Refusal) else decode(parsed, payload)

@@ -12,7 +12,7 @@ from typing import Self
 
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Bus, Received
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import message_of
 from shared.gate import Gate, Verifier
 from shared.messages import Beat, ClockStatement, NodeId, Receipt, Supplies, TimeNs
 from shared.outbox import JournalledOutbox
@@ -120,8 +120,7 @@ class Heartbeat:
     def _heed(self, received: Received) -> None:
         if self._gate.admit(received.key, received.payload) is not None:
             return
-        key = parse_key(received.key)
-        receipt = key if isinstance(key, Refusal) else decode(key, received.payload)
+        receipt = message_of(received.key, received.payload)
         if not isinstance(receipt, Receipt):
             return
         for safe in receipt.safe:

@@ -12,6 +12,8 @@ import pytest
 import structlog
 from hypothesis import settings
 
+from tests.machine_code import build_machine_code
+
 # The same examples every time, and as much time as a loaded machine needs.
 settings.register_profile("clew", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("clew")
@@ -24,6 +26,13 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     """Have benchmarks run by themselves: nothing else is to be at work beside them."""
     if config.option.benchmark_enable:
         config.option.numprocesses, config.option.dist = 0, "no"
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config) -> None:
+    """Have machine code built once, before several of all tests want it at a time."""
+    if config.args_source == pytest.Config.ArgsSource.TESTPATHS:
+        build_machine_code()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -43,12 +43,12 @@ class Named(NamedTuple):
 def moved(seed: int) -> Named:
     """Walk the patrol of ``seed`` twice, and say what was named."""
     chance = np.random.default_rng([seed, 77])
-    clean = fused(seed, None)
+    clean = fused(seed, None, lasts_s=math.inf)
     dap_id = f"dap{chance.integers(2, 7)}"
     spots = [spot for spot in SPOTS_M if math.dist(spot, DAPS_M[dap_id]) > APART_M]
     spot = spots[chance.integers(len(spots))]
     faults = Faults(since_s=float(chance.uniform(120.0, 180.0)), moved=(dap_id, spot))
-    told = fused(seed, faults)
+    told = fused(seed, faults, lasts_s=math.inf)
     passes_s = _passes_s(patrol(seed, faults), dap_id, faults.since_s)
     named_s = told.named_s.get(("moved", dap_id))
     late = named_s is None or len(passes_s) < SECOND

@@ -239,8 +239,10 @@ class Tally:
         """Add up; return what was held back."""
         due, self._held = self._held, []
         parsed = parse_key(key)
-        message = parsed if isinstance(parsed, Refusal) else decode(parsed, payload)
-        if isinstance(message, OdometryIncrement) and not isinstance(parsed, Refusal):
+        if isinstance(parsed, Refusal):
+            return due
+        message = decode(parsed, payload)
+        if isinstance(message, OdometryIncrement):
             north_m = self._north_m.get(parsed.node_id, 0.0)
             north_m += message.d_north_m * self._stride_scale
             self._north_m[parsed.node_id] = north_m

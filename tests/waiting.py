@@ -10,8 +10,8 @@ DEADLINE_S = 60.0
 """Far beyond what a loaded machine needs: it is reached only by a failing test."""
 
 SOON_S = 0.005
-SELDOM_S = 0.5
-REST = 4.0
+SELDOM_S = 1.0
+REST = 20.0
 """It is looked again after this many times as long as it takes to look: whoever is waited for needs
 the machine more than who waits."""
 

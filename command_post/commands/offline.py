@@ -21,7 +21,6 @@ from command_post.incident import IncidentSettings
 from command_post.plans.plan_file import geojson_of, with_plan
 from command_post.recorder.file import RecorderError
 from command_post.rehearsing.cluster import ClusterError
-from command_post.rehearsing.distribution_picture import Drawn, draw_monte_carlo
 from command_post.rehearsing.monte_carlo import Exercise, Run, run_many, run_one
 from command_post.rehearsing.rehearsal import Agents, RehearsalError
 from command_post.rehearsing.rehearsal import rehearse as rehearse_scenario
@@ -149,8 +148,7 @@ def montecarlo(
         exercises = _exercises(scenario, settings, agents)
         done = _run_all(exercises, runs, seed, workers, dask)
         if picture is not None:
-            drawn = [_sample(name, exercises[name], done[name], seed) for name in done]
-            draw_monte_carlo(drawn, picture)
+            _draw(exercises, done, seed, picture)
     except (ValueError, RehearsalError, ClusterError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE if isinstance(error, ValueError) else ExitCode.FAILURE
@@ -217,10 +215,22 @@ def _run_all(
     return done
 
 
-def _sample(name: str, exercise: Exercise, runs: list[Run], seed: int) -> Drawn:
-    """Return what is drawn of one scenario; its first run is made once more, for its tracks."""
-    plan = load_scenario(exercise.scenario_name).building
-    return Drawn(name, [run.errors for run in runs], run_one(exercise, seed).evidence, plan)
+def _draw(
+    exercises: dict[str, Exercise], done: dict[str, list[Run]], seed: int, picture: Path
+) -> None:
+    """Draw each scenario; its first run is made once more, for its tracks."""
+    # Slow to load, and most want figures alone.
+    from command_post.rehearsing.distribution_picture import (  # noqa: PLC0415
+        Drawn,
+        draw_monte_carlo,
+    )
+
+    drawn = []
+    for name, exercise in exercises.items():
+        plan = load_scenario(exercise.scenario_name).building
+        errors = [run.errors for run in done[name]]
+        drawn.append(Drawn(name, errors, run_one(exercise, seed).evidence, plan))
+    draw_monte_carlo(drawn, picture)
 
 
 def _card(done: dict[str, list[Run]]) -> PooledScore:

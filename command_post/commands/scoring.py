@@ -17,7 +17,6 @@ from command_post.evaluation.track_difference import TrackDifference, difference
 from command_post.fusion.settings import FusionMethod
 from command_post.incident import Incident
 from command_post.nodes.notice_log import log_faults
-from command_post.rehearsing.picture import draw_tracks
 from command_post.rehearsing.score_table import score_table
 from command_post.replay import ReplayReport, Sides, recorded_settings
 from command_post.replay import replay as replay_recording
@@ -159,6 +158,9 @@ def show_score(
 ) -> None:
     """Print a score card, and draw its tracks where there is to be a picture."""
     if picture is not None:
+        # A demo that is broken off, or a score without a picture, need not wait for it.
+        from command_post.rehearsing.picture import draw_tracks  # noqa: PLC0415
+
         draw_tracks(evidence, plan, picture)
     if json:
         _print_json(told)

@@ -109,8 +109,10 @@ class Evidence:
     def add_wire(self, key_text: str, payload: bytes) -> None:
         """Take in bytes as they were on the wire; what is no message is passed over."""
         key = parse_key(key_text)
-        message = key if isinstance(key, Refusal) else decode(key, payload)
-        if not isinstance(key, Refusal) and not isinstance(message, Refusal):
+        if isinstance(key, Refusal):
+            return
+        message = decode(key, payload)
+        if not isinstance(message, Refusal):
             self.add(key, message)
 
     def add_afterwards(self, tracks: Mapping[str, Track], daps_m: Mapping[str, Floats]) -> None:

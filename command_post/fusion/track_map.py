@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import msgspec
-import networkx as nx
 import numpy as np
 
 from command_post.fusion.interface import SmoothedTrack
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 JOIN_M = 1.2
 """Places nearer than this, on one storey, are one."""
@@ -63,6 +65,9 @@ class TrackMap(msgspec.Struct, frozen=True):
 
     def graph(self) -> nx.Graph:
         """Return it as a graph whose nodes are numbers and whose edges weigh their length in m."""
+        # Ways that are asked for while an exercise lasts use none of it.
+        import networkx as nx  # noqa: PLC0415
+
         graph = nx.Graph()
         graph.add_nodes_from(node.number for node in self.nodes)
         graph.add_weighted_edges_from(
@@ -186,6 +191,8 @@ def _apart_m(one: Place, other: Place) -> float:
 
 def _kinds(places: list[Place], ways: Iterable[MapEdge]) -> list[PlaceKind]:
     """Tell stairs by their slope; and rooms, which can be left by one doorway only."""
+    import networkx as nx  # noqa: PLC0415
+
     kinds: list[PlaceKind] = ["way"] * len(places)
     graph = nx.Graph()
     graph.add_nodes_from(range(len(places)))

@@ -29,7 +29,7 @@ from command_post.gateways.foxglove_schemas import (
 from command_post.listening import Address, listening_address
 from command_post.roster import Roster
 from shared.bus.inbox import Inbox
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import Refusal, message_of
 from shared.geodesy import Origin
 
 if TYPE_CHECKING:
@@ -133,8 +133,7 @@ class FoxgloveDoor:
         self._server.stop()
 
     def _take(self, key_text: str, payload: bytes) -> None:
-        key = parse_key(key_text)
-        message = key if isinstance(key, Refusal) else decode(key, payload)
+        message = message_of(key_text, payload)
         if not isinstance(message, Refusal):
             self._draw(self._board.take(message, time.time_ns()))
 

@@ -15,7 +15,7 @@ from prometheus_client.registry import Collector
 from command_post.metrics.figures import Figures
 from command_post.nodes.freshness import Freshness
 from command_post.roster_json import roster_json
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import message_of
 from shared.messages import TrackEstimate
 from shared.units import NS_PER_S
 
@@ -52,8 +52,7 @@ class Metrics(Collector):
 
     def published(self, key_text: str, payload: bytes, now_ns: int) -> None:
         """Note how long after it happened an estimate was published, at ``now_ns``."""
-        key = parse_key(key_text)
-        message = key if isinstance(key, Refusal) else decode(key, payload)
+        message = message_of(key_text, payload)
         if isinstance(message, TrackEstimate):
             self._late.observe(max(now_ns - message.event_time_ns, 0) / NS_PER_S)
 

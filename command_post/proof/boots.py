@@ -15,7 +15,7 @@ from command_post.children import Children
 from command_post.proof.trial import RESPONDER, Heard, Trial, peaks_told, stands_at
 from command_post.rehearsing.rehearsal import STOP_GRACE_S, RehearsalError
 from shared.bus.wire_log import read_wire_log
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import message_of
 from shared.exercise import REHEARSAL_START_NS
 from shared.maths.angles import wrap_rad
 from shared.messages import LocalPosition, Mount, OdometryIncrement, TrackStart, Truth
@@ -105,8 +105,7 @@ def _read(path: Path) -> BootLog:
     said: list[TrackStart | OdometryIncrement] = []
     truth: list[tuple[float, float, float]] = []
     for _, key_text, payload in read_wire_log(path):
-        key = parse_key(key_text)
-        message = key if isinstance(key, Refusal) else decode(key, payload)
+        message = message_of(key_text, payload)
         if isinstance(message, Truth):
             truth.append((message.event_time_ns / NS_PER_S, message.north_m, message.east_m))
         elif isinstance(message, (TrackStart, OdometryIncrement)):

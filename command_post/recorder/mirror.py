@@ -17,7 +17,7 @@ from command_post.desks.announcer import Outgoing
 from command_post.gateways.foxglove import Drawing, FoxgloveBoard
 from command_post.gateways.foxglove_schemas import drawable_schema, schema_name
 from command_post.nodes.told import is_taken_up
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import Refusal, message_of
 from shared.geodesy import Origin
 from shared.messages import DapInstallation, Message, OutsideWord
 from shared.units import NS_PER_S
@@ -64,8 +64,7 @@ class Mirror:
     def recall(self, said: Iterable[Outgoing]) -> None:
         """Take in what stands of what the post said before a kill: it has been drawn."""
         for each in said:
-            key = parse_key(each.key)
-            message = key if isinstance(key, Refusal) else decode(key, each.payload)
+            message = message_of(each.key, each.payload)
             if not isinstance(message, Refusal):
                 deque(self._board.take(message, message.event_time_ns), maxlen=0)
 

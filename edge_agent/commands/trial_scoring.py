@@ -141,6 +141,8 @@ def _worse(
 ) -> TrialData:
     """Return ``data`` as from a worse sensor. Raises ``ValueError`` where that cannot be had."""
     worse = TrialData(*degradation.apply(data.samples, data.truth, chance()))
+    if not len(worse.samples):
+        raise ValueError("too short: none of its samples is left")
     if not isinstance(data.truth, MountedDrive):
         return worse
     # The phone that is fixed loses the same samples.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from operator import mul
 from typing import NamedTuple
 
 from edge_agent.inertial.barometer import Reading
@@ -149,19 +150,18 @@ class LiftWatch:
     def _slope(self) -> tuple[float, float]:
         """Return the slope of the latest heights by least squares, and the RMS off that line."""
         count, first = len(self._heights), self._heights[0]
-        later = [
-            ((each.time_ns - first.time_ns) / NS_PER_S, each.height_m - first.height_m)
-            for each in self._heights
+        later_s = [(each.time_ns - first.time_ns) / NS_PER_S for each in self._heights]
+        higher_m = [each.height_m - first.height_m for each in self._heights]
+        mean_s, mean_m = sum(later_s) / count, sum(higher_m) / count
+        times_s = [time_s - mean_s for time_s in later_s]
+        heights_m = [height_m - mean_m for height_m in higher_m]
+        shared_m_s = sum(map(mul, times_s, heights_m))
+        slope_m_s = shared_m_s / sum(map(mul, times_s, times_s))
+        off_m = [
+            height_m - slope_m_s * time_s
+            for time_s, height_m in zip(times_s, heights_m, strict=True)
         ]
-        mean_s = sum(time_s for time_s, _ in later) / count
-        mean_m = sum(height_m for _, height_m in later) / count
-        spread_s2 = sum((time_s - mean_s) ** 2 for time_s, _ in later)
-        shared_m_s = sum((time_s - mean_s) * (height_m - mean_m) for time_s, height_m in later)
-        slope_m_s = shared_m_s / spread_s2
-        off_m2 = sum(
-            (height_m - mean_m - slope_m_s * (time_s - mean_s)) ** 2 for time_s, height_m in later
-        )
-        return slope_m_s, math.sqrt(off_m2 / count)
+        return slope_m_s, math.sqrt(sum(map(mul, off_m, off_m)) / count)
 
     def _look_for_begin(self, now_ns: int, speed_m_s: float) -> None:
         settings, push_m_s = self._settings, self._push_m_s

@@ -36,8 +36,10 @@ def _batches(path: Path) -> dict[str, dict[tuple[int, int], ImuBatch]]:
     found: dict[str, dict[tuple[int, int], ImuBatch]] = {}
     for message in read_recording(path):
         key = parse_key(message.key)
-        batch = key if isinstance(key, Refusal) else decode(key, message.payload)
-        if isinstance(batch, ImuBatch) and not isinstance(key, Refusal):
+        if isinstance(key, Refusal):
+            continue
+        batch = decode(key, message.payload)
+        if isinstance(batch, ImuBatch):
             batches = found.setdefault(key.node_id, {})
             batches.setdefault((batch.event_time_ns, batch.sequence), batch)
     return found

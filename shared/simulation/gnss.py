@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from shared.simulation.plan import Plan
 
@@ -74,5 +73,8 @@ def distance_outside_m(plan: Plan, position_m: Array) -> Array:
     corners_m = plan.wall_pieces_m.reshape(-1, 2)
     if len(corners_m) == 0 or np.linalg.matrix_rank(corners_m - corners_m.mean(axis=0)) < 2:
         return np.full(len(position_m), np.inf)
+    # Few ask how far outside they are, and everybody who simulates anything would load it.
+    from scipy.spatial import ConvexHull  # noqa: PLC0415
+
     sides = ConvexHull(corners_m).equations
     return np.asarray((position_m @ sides[:, :2].T + sides[:, 2]).max(axis=1))

@@ -131,15 +131,7 @@ def mean_power_dbm(
     ``dap_m`` (3,) is where the DAP stands, ``body_m`` (n, 3) the floor under the responder, whose
     radio is worn in front and who faces ``heading_rad`` (n,).
     """
-    antenna_m, radio_m, range_m = _antennas(radio, dap_m, body_m)
-    power_dbm: Array = radio.power_at_1_m_dbm - 10.0 * radio.path_loss_exponent * np.log10(range_m)
-    for attenuation in get_args(Attenuation):
-        crossed = plan.walls_crossed(radio_m, antenna_m, attenuation)
-        power_dbm -= getattr(radio.wall_loss_db, attenuation) * crossed
-    power_dbm -= _floor_loss_db(
-        radio, plan.floors_crossed(body_m, np.broadcast_to(dap_m, body_m.shape))
-    )
-    return np.asarray(power_dbm - _body_loss_db(radio, heading_rad, antenna_m - radio_m, range_m))
+    return _mean_power_dbm(radio, plan, dap_m, body_m, heading_rad)[0]
 
 
 def received_power_dbm(
@@ -151,11 +143,9 @@ def received_power_dbm(
     heading_rad: Array,
 ) -> Array:
     """Return the power (n,) with shadowing and fading; arguments as in ``mean_power_dbm``."""
-    antenna_m, radio_m, _ = _antennas(radio, dap_m, body_m)
-    return np.asarray(
-        mean_power_dbm(radio, plan, dap_m, body_m, heading_rad)
-        + _fading_db(radio, plan, around, antenna_m, radio_m, radio_m)
-    )
+    _, radio_m, range_m = _antennas(radio, dap_m, body_m)
+    mean_dbm, walls = _mean_power_dbm(radio, plan, dap_m, body_m, heading_rad)
+    return np.asarray(mean_dbm + _fading_db(radio, around, range_m, walls, radio_m))
 
 
 def power_between_worn_dbm(
@@ -174,10 +164,11 @@ def power_between_worn_dbm(
     # Worn as high above the floor as the other, where a DAP stands almost on it.
     raised_m = second_m - [0.0, 0.0, radio.worn_height_m - radio.dap_height_m]
     antenna_m, radio_m, range_m = _antennas(radio, raised_m, first_m)
+    mean_dbm, walls = _mean_power_dbm(radio, plan, raised_m, first_m, first_rad)
     return np.asarray(
-        mean_power_dbm(radio, plan, raised_m, first_m, first_rad)
+        mean_dbm
         - _body_loss_db(radio, second_rad, radio_m - antenna_m, range_m)
-        + _fading_db(radio, plan, around, antenna_m, radio_m, radio_m + antenna_m)
+        + _fading_db(radio, around, range_m, walls, radio_m + antenna_m)
     )
 
 
@@ -191,6 +182,24 @@ def probability_heard(radio: RadioParameters, power_dbm: Array) -> Array:
     """Return the share (n,) of readings at ``power_dbm`` (n,) that come through."""
     above = (power_dbm - radio.sensitivity_dbm) / radio.sensitivity_width_db
     return np.asarray((1.0 - radio.loss_probability) * expit(above))
+
+
+def _mean_power_dbm(
+    radio: RadioParameters, plan: Plan, dap_m: Array, body_m: Array, heading_rad: Array
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return what ``mean_power_dbm`` does, and how many walls (n,) each link meets."""
+    antenna_m, radio_m, range_m = _antennas(radio, dap_m, body_m)
+    power_dbm: Array = radio.power_at_1_m_dbm - 10.0 * radio.path_loss_exponent * np.log10(range_m)
+    walls = np.zeros(len(body_m), np.intp)
+    for attenuation in get_args(Attenuation):
+        crossed = plan.walls_crossed(radio_m, antenna_m, attenuation)
+        power_dbm -= getattr(radio.wall_loss_db, attenuation) * crossed
+        walls += crossed
+    power_dbm -= _floor_loss_db(
+        radio, plan.floors_crossed(body_m, np.broadcast_to(dap_m, body_m.shape))
+    )
+    body_loss_db = _body_loss_db(radio, heading_rad, antenna_m - radio_m, range_m)
+    return np.asarray(power_dbm - body_loss_db), walls
 
 
 def _antennas(radio: RadioParameters, dap_m: Array, body_m: Array) -> tuple[Array, Array, Array]:
@@ -212,20 +221,19 @@ def _body_loss_db(
 
 def _fading_db(
     radio: RadioParameters,
-    plan: Plan,
     around: Surroundings,
-    antenna_m: Array,
-    radio_m: Array,
+    range_m: Array,
+    walls: NDArray[np.intp],
     place_m: Array,
 ) -> Array:
     """Return shadowing and fading (n,) between two antennas, of the fields at ``place_m`` (n, 3).
 
-    Shadowing fades in over its own correlation length: over a short range nothing stands between.
+    ``walls`` (n,) are how many stand between. Shadowing fades in over its own correlation length:
+    over a short range nothing stands between.
     """
-    range_m = np.maximum(np.linalg.norm(radio_m - antenna_m, axis=1), NEAREST_M)
     grown = np.sqrt(-np.expm1(-range_m / radio.shadowing_length_m))
     shadow = np.sqrt(2.0) * around.shadowing.at(place_m).real
-    k = rician_k(radio, range_m, plan.walls_crossed(radio_m, antenna_m))
+    k = rician_k(radio, range_m, walls)
     amplitude = np.abs(np.sqrt(k) + around.multipath.at(place_m)) / np.sqrt(1.0 + k)
     return np.asarray(radio.shadowing_sd_db * grown * shadow + 20.0 * np.log10(amplitude))
 

@@ -86,8 +86,6 @@ def _standing(
 class _Decider(Protocol):
     """Says at each footfall whether to set one down there; told once that this is done."""
 
-    def hear(self, time_ns: int, dap_id: NodeId, rssi_dbm: float) -> None: ...
-
     def wants(self, time_ns: int, displacement_m: Vector3, fall: Footfall) -> bool: ...
 
     def set_down(self) -> None: ...
@@ -99,9 +97,6 @@ class _Spaced:
     def __init__(self, spacing_m: float) -> None:
         self._spacing_m = spacing_m
         self._since_m = 0.0
-
-    def hear(self, time_ns: int, dap_id: NodeId, rssi_dbm: float) -> None:
-        """Heed no radio."""
 
     def wants(self, time_ns: int, displacement_m: Vector3, fall: Footfall) -> bool:  # noqa: ARG002
         """Count the metres."""
@@ -153,7 +148,9 @@ class _Carrier:
         return float(self._planned_s[footfall]) + self._late_s
 
     def hears(self, dap_id: NodeId, since_s: float, place_m: Array) -> None:
-        """Have a DAP stand at ``place_m`` (3,) since then."""
+        """Have a DAP stand at ``place_m`` (3,) since then, for a unit that heeds the radio."""
+        if not isinstance(self._decider, _Advised):
+            return
         radio = self._scenario.radio
         share = (np.arange(READINGS_A_STRIDE) + 1.0) / READINGS_A_STRIDE
         steps = np.diff(self._body_m, axis=0)[:, None, :]
@@ -170,15 +167,21 @@ class _Carrier:
     def decides(self, footfall: int, time_s: float) -> bool:
         """Whether one is set down at ``footfall``, reached at ``time_s``."""
         fall = self._falls[footfall]
+        if isinstance(self._decider, _Advised):
+            self._listen(self._decider, footfall, time_s)
+        north_m, east_m, down_m = (self._body_m[footfall] - self._body_m[footfall - 1]).tolist()
+        return self._decider.wants(_ns(time_s), (north_m, east_m, down_m), fall)
+
+    def _listen(self, unit: _Advised, footfall: int, time_s: float) -> None:
+        """Have the unit hear what stands already, on the way to ``footfall``."""
+        stride_s = self._falls[footfall].stride_s
         for dap_id, heard in self._heard.items():
             if time_s < heard.since_s:
                 continue
             for back, rssi_dbm in enumerate(heard.rssi_dbm[footfall - 1][::-1].tolist()):
-                at_s = time_s - fall.stride_s * back / READINGS_A_STRIDE
                 if not np.isnan(rssi_dbm):
-                    self._decider.hear(_ns(at_s), dap_id, rssi_dbm)
-        north_m, east_m, down_m = (self._body_m[footfall] - self._body_m[footfall - 1]).tolist()
-        return self._decider.wants(_ns(time_s), (north_m, east_m, down_m), fall)
+                    at_s = time_s - stride_s * back / READINGS_A_STRIDE
+                    unit.hear(_ns(at_s), dap_id, rssi_dbm)
 
     def take_one(self) -> NodeId:
         """Return the next of those carried: it is set down here, which takes its time."""

@@ -15,7 +15,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from shared.bus.inbox import Inbox
 from shared.bus.interface import Received
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh
-from shared.codec import Refusal, decode, encode, parse_key
+from shared.codec import Refusal, decode, encode, message_of, parse_key
 from shared.messages import Message
 from tests.benchmarks.increments import (
     ACKNOWLEDGED_EACH,
@@ -53,8 +53,7 @@ def receive(post: ZenohBus, inbox: Inbox[Received], count: int) -> list[Message 
         received = inbox.get_all(DEADLINE_S)
         assert received, f"{count - len(messages)} of {count} increments are missing"
         for key, payload in received:
-            parsed = parse_key(key)
-            messages.append(parsed if isinstance(parsed, Refusal) else decode(parsed, payload))
+            messages.append(message_of(key, payload))
             if len(messages) - acknowledged == ACKNOWLEDGED_EACH:
                 acknowledged = len(messages)
                 post.publish(TAKEN_KEY, str(acknowledged).encode())

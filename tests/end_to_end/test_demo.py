@@ -80,26 +80,26 @@ def begun(output: Path) -> bool:
 linux = pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc to see processes")
 
 
-def test_the_published_scenario_runs_to_its_score(tmp_path: Path) -> None:
+def test_a_scenario_runs_to_its_score(tmp_path: Path) -> None:
     ended = subprocess.run(
-        demo_arguments(tmp_path, "four_daps", 10.0),
+        demo_arguments(tmp_path, CORRIDOR, 10.0),
         capture_output=True, check=False, timeout=DEMO_DEADLINE_S,
     )  # fmt: skip
     assert ended.returncode == ExitCode.OK, ended.stderr.decode()
     score = json.loads(ended.stdout)
-    assert set(score["responders"]) == {"r1", "r2", "r3"}
-    assert set(score["dap"]["each_m"]) == {"dap2", "dap3", "dap4"}
+    assert set(score["responders"]) == {"r1", "r2"}
+    assert set(score["dap"]["each_m"]) == {"dap2"}
     assert score["live"]["pair"] is not None
     assert score["coverage95_pct"] is not None
-    assert json.loads((tmp_path / "four_daps.score.json").read_bytes()) == score
-    assert (tmp_path / "four_daps.png").read_bytes().startswith(b"\x89PNG")
-    recording = tmp_path / "four_daps.mcap"
+    assert json.loads((tmp_path / "corridor.score.json").read_bytes()) == score
+    assert (tmp_path / "corridor.png").read_bytes().startswith(b"\x89PNG")
+    recording = tmp_path / "corridor.mcap"
     settings = IncidentSettings.from_metadata(read_recording(recording).metadata)
     report = replay(recording, Incident(settings))
     assert report.reading.complete
     assert report.identical, str(report)
     # A post that is behind tells less often: a slow machine's a third of what a fast one's does.
-    assert report.equal > 50
+    assert report.equal > 10
 
 
 @linux

@@ -5,7 +5,7 @@ from __future__ import annotations
 from command_post.evaluation.pooled import pool
 from command_post.fusion.settings import FusionSettings
 from command_post.incident import IncidentSettings
-from command_post.rehearsing.monte_carlo import Exercise, run_many
+from command_post.rehearsing.monte_carlo import Exercise, run_chunk
 from command_post.rehearsing.rehearsal import Agents
 from shared.exercise import REHEARSAL_INCIDENT
 
@@ -14,9 +14,9 @@ EXERCISE = Exercise("four_daps", SETTINGS, Agents("linear", raw=False))
 
 
 def test_fusion_brings_the_team_together() -> None:
-    told = pool(
-        {"four_daps": [run.errors for chunk in run_many(EXERCISE, 3, 0, 2) for run in chunk]}
-    ).scenarios["four_daps"]
+    # One after the other, that their programs start once.
+    runs = run_chunk(EXERCISE, range(3))
+    told = pool({"four_daps": [run.errors for run in runs]}).scenarios["four_daps"]
     assert told.live.pair is not None
     assert told.pdr.pair is not None
     assert told.live.pair.ce95_m <= 0.6 * told.pdr.pair.ce95_m

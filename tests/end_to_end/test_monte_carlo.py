@@ -33,9 +33,9 @@ def test_nothing_depends_on_who_does_the_work() -> None:
     )
     alone = list(run_many(exercise, 4, 7, workers=1))
     assert [len(chunk) for chunk in alone] == [2, 2]
-    shared = list(run_many(exercise, 4, 7, workers=2))
-    assert [len(chunk) for chunk in shared] == [1, 1, 1, 1]
-    assert card(shared) == card(alone)
+    shared = list(run_many(exercise, 2, 7, workers=2))
+    assert [len(chunk) for chunk in shared] == [1, 1]
+    assert card(shared) == card(alone[:1])
     handled_ms = np.concatenate([run.handled_ms for run in alone[0]])
     assert (handled_ms > 0.0).all()
 

@@ -14,7 +14,7 @@ from structlog.testing import capture_logs
 from command_post.__main__ import app
 from command_post.commands import orders
 from command_post.review.past import Past
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import Refusal, decode, message_of, parse_key
 from shared.geodesy import Origin
 from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import read_recording
@@ -87,8 +87,7 @@ def test_a_click_and_a_floor_are_recorded_by_the_running_post(
 def replies_in(recording: Path) -> list[OrderReply]:
     found = []
     for each in read_recording(recording):
-        key = parse_key(each.key)
-        message = key if isinstance(key, Refusal) else decode(key, each.payload)
+        message = message_of(each.key, each.payload)
         if isinstance(message, OrderReply):
             found.append(message)
     return found

@@ -15,7 +15,6 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, Self
@@ -29,6 +28,7 @@ from shared.topics import Role
 from shared.units import NS_PER_S
 from tests.faults.air import Air
 from tests.issued_keys import DAYS, now
+from tests.machine_code import build_machine_code
 from tests.waiting import wait_for
 
 INCIDENT = "fault"
@@ -139,13 +139,6 @@ class Fleet:
 
     def _log(self, name: str) -> Path:
         return self._folder / f"{name}.log"
-
-
-@cache
-def build_machine_code() -> None:
-    """Have agents and post built once: all at a time they would be at it for minutes."""
-    for module in ("edge_agent", "command_post"):
-        subprocess.run([sys.executable, "-m", module, "prepare"], check=True, capture_output=True)
 
 
 class Deployment:
@@ -282,6 +275,11 @@ def is_safe(journal: Path) -> bool:
         journal, "SELECT acknowledged = (SELECT ifnull(max(number), 0) FROM message) FROM about"
     )
     return found == [(1,)]
+
+
+def acknowledged(journal: Path) -> int:
+    """Return how many messages of a journal the post has acknowledged."""
+    return sum(number for (number,) in _read(journal, "SELECT acknowledged FROM about"))
 
 
 def _read(journal: Path, query: str) -> list[Any]:

@@ -103,8 +103,10 @@ class Hearing:
 
     def _note(self, received: Received, live: bool) -> None:
         key = parse_key(received.key)
-        message = key if isinstance(key, Refusal) else decode(key, received.payload)
-        if isinstance(key, Refusal) or not isinstance(message, OdometryIncrement):
+        if isinstance(key, Refusal):
+            return
+        message = decode(key, received.payload)
+        if not isinstance(message, OdometryIncrement):
             return
         late_s = (time.time_ns() - message.event_time_ns) / NS_PER_S
         of_node = self.came.setdefault(key.node_id, {})

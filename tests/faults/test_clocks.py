@@ -21,7 +21,8 @@ from shared.seal import read_seal
 from shared.topics import TOPICS, Key
 from shared.units import NS_PER_S
 from tests.bus.test_zenoh import free_endpoint
-from tests.faults.fleet import build_machine_code, rows_of
+from tests.faults.fleet import rows_of
+from tests.machine_code import build_machine_code
 from tests.waiting import DEADLINE_S, wait_for
 
 FOR_TEST = ("--insecure", "--incident", "test")

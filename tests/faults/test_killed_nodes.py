@@ -17,7 +17,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from shared.bus.interface import Received
 from shared.bus.zenoh_bus import ZenohBus, open_zenoh
-from shared.codec import Refusal, decode, encode, parse_key
+from shared.codec import Refusal, decode, encode, message_of, parse_key
 from shared.gate import Gate
 from shared.messages import DapInstallation, ExerciseStart, Message, OdometryIncrement, TrackStart
 from shared.process import ExitCode
@@ -127,8 +127,7 @@ class Exercise:
         """Return what was heard of one kind, in order."""
         found = []
         for received in tuple(self._heard):
-            key = parse_key(received.key)
-            message = key if isinstance(key, Refusal) else decode(key, received.payload)
+            message = message_of(received.key, received.payload)
             if type(message) is kind:
                 found.append(message)
         return found

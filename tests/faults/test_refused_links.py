@@ -19,7 +19,7 @@ from structlog.testing import capture_logs
 
 from shared.bus.refused_links import RefusedLinks
 from shared.bus.zenoh_bus import open_zenoh
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import message_of
 from shared.mcap_reader import read_recording
 from shared.messages import Alert
 from shared.process import ExitCode
@@ -164,7 +164,6 @@ def is_begun(recording: Path) -> bool:
 def alerts_in(recording: Path) -> Iterator[Alert]:
     # It has its name before it has anything in it.
     for each in read_recording(recording) if is_begun(recording) else ():
-        key = parse_key(each.key)
-        message = key if isinstance(key, Refusal) else decode(key, each.payload)
+        message = message_of(each.key, each.payload)
         if isinstance(message, Alert):
             yield message

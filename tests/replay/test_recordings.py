@@ -110,10 +110,7 @@ def replayed_evidence(path: Path, settings: IncidentSettings) -> Evidence:
         )
     ]
     for key_text, payload in (*pairs, *incident.finish(0)):
-        key = parse_key(key_text)
-        message = key if isinstance(key, Refusal) else decode(key, payload)
-        if not isinstance(key, Refusal) and not isinstance(message, Refusal):
-            evidence.add(key, message)
+        evidence.add_wire(key_text, payload)
     return evidence
 
 

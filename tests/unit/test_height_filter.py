@@ -68,10 +68,10 @@ def walk(
         yield told, height_filter.correct(told), rise_m
 
 
-def end_errors_m(disturb_pa: Disturb, true_up_m: Array, seeds: int = 12) -> tuple[float, float]:
+def end_errors_m(disturb_pa: Disturb, true_up_m: Array, walks: int = 6) -> tuple[float, float]:
     """RMS errors of the height at the end over some walks: by the boot alone, and corrected."""
     errors = []
-    for seed in range(seeds):
+    for seed in range(walks):
         told, corrected, true_m = 0.0, 0.0, 0.0
         for boot, both, rise_m in walk(true_up_m, disturb_pa, seed):
             told, corrected = told - boot.displacement_m[2], corrected - both.displacement_m[2]
@@ -125,11 +125,12 @@ def test_what_is_told_is_as_sure_as_it_says() -> None:
     assert 0.4 < np.sqrt(np.mean(sigmas**2)) < 1.1
 
 
+SLOW = "up and down at 0.25 m/s"
 BAD: dict[str, Disturb] = {
     "steps of 4 m": lambda time_s: 50.0 * (int(time_s / 10.0) % 2),
     "steps of 1 m": lambda time_s: 12.0 * (int(time_s / 7.0) % 2),
     "a fan that starts": lambda time_s: 40.0 * -math.expm1(-max(0.0, time_s - 50.0) / 5.0),
-    "up and down at 0.25 m/s": lambda time_s: 3.0 * abs(time_s % 40.0 - 20.0),
+    SLOW: lambda time_s: 3.0 * abs(time_s % 40.0 - 20.0),
     "spikes": lambda time_s: 400.0 * (int(time_s * READINGS_HZ) % 12 == 0),
     "gaps": lambda time_s: 0.0 if int(time_s / 15.0) % 2 else None,
 }
@@ -138,7 +139,9 @@ BAD: dict[str, Disturb] = {
 @pytest.mark.parametrize("disturbance", BAD)
 @pytest.mark.parametrize("true_up_m", [LEVEL, FLIGHTS])
 def test_a_bad_barometer_makes_it_little_worse(disturbance: str, true_up_m: Array) -> None:
-    boot_m, both_m = end_errors_m(BAD[disturbance], true_up_m)
+    # What is slow errs by nearly as much as is allowed: it is looked at over more walks.
+    walks = 12 if disturbance == SLOW else 6
+    boot_m, both_m = end_errors_m(BAD[disturbance], true_up_m, walks)
     assert both_m < 1.25 * boot_m + 0.1
 
 

@@ -126,8 +126,9 @@ def test_who_is_late_within_what_is_allowed_leaves_no_trace(
         monkeypatch.setattr(lines, "TICK_WORK", 1)
         team = structs.replace(TEAM, crew_most=crew_most, anchor_s=20.0)
         settings = IncidentSettings(fusion=FusionSettings(team=team))
-        in_time = [each for each in said if each.message.event_time_ns < FULL_NS]
-        silent_ns = (FULL_NS - 55 * NS_PER_S, FULL_NS - 48 * NS_PER_S)
+        end_ns = START_NS + 150 * NS_PER_S
+        in_time = [each for each in said if each.message.event_time_ns < end_ns]
+        silent_ns = (end_ns - 55 * NS_PER_S, end_ns - 48 * NS_PER_S)
         late = [
             each for each in in_time
             if each.node_id == "r0-1" and silent_ns[0] < each.message.event_time_ns < silent_ns[1]

@@ -16,7 +16,7 @@ from command_post.recorder import declarations
 from command_post.recorder import file as recording_file
 from command_post.recorder.file import EXCERPTS, RecorderError, RecordingFile
 from command_post.recorder.schemas import json_schema
-from shared.codec import Refusal, decode, encode, parse_key
+from shared.codec import Refusal, decode, encode, message_of, parse_key
 from shared.mcap_reader import RecordedMessage, read_recording
 from shared.topics import TOPICS
 from tests.traffic import START_NS, increment, key_of, one_of_each, traffic
@@ -35,8 +35,7 @@ def written(path: Path, messages: list[RecordedMessage], **metadata: str) -> Pat
 def recorded(
     key: str, payload: bytes, log_time_ns: int = START_NS, *, outgoing: bool = False
 ) -> RecordedMessage:
-    parsed = parse_key(key)
-    message = parsed if isinstance(parsed, Refusal) else decode(parsed, payload)
+    message = message_of(key, payload)
     publish_time_ns = log_time_ns if isinstance(message, Refusal) else message.event_time_ns
     return RecordedMessage(log_time_ns, publish_time_ns, key, payload, outgoing)
 

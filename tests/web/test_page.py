@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.bus.test_zenoh import free_endpoint
-from tests.faults.fleet import build_machine_code
+from tests.machine_code import build_machine_code
 from tests.waiting import DEADLINE_S, wait_for
 from tests.web.browser import CHROMIUM, Watched, chromium
 

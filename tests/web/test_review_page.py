@@ -16,7 +16,7 @@ from command_post.web.review_app import Exhibit, make_review_app
 from command_post.web.serving import served
 from shared.geodesy import Origin
 from tests.eventful import eventful, opened
-from tests.faults.fleet import build_machine_code
+from tests.machine_code import build_machine_code
 from tests.waiting import DEADLINE_S
 from tests.web.browser import CHROMIUM, Watched, chromium
 
