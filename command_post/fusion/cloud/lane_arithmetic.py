@@ -30,28 +30,22 @@ _MIDDLE_OF_BYTES = i32(510)
 _GAUSS_LINEAR, _GAUSS_CUBIC = f32(6.42104061e-3), f32(5.77395428e-9)
 _UNIFORM_STEP, _UNIFORM_START = f32(math.sqrt(12.0) / 65536), f32(-math.sqrt(3.0) * 65535 / 65536)
 
-# π/2 and ln 2 in parts whose low bits are nought, so that small multiples of the first are exact
-# (Cody and Waite 1980).
-_HALF_PI_HIGH = f32(1.5703125)
-_HALF_PI_LOW = f32(math.pi / 2.0 - 1.5703125)
-_QUARTERS = f32(2.0 / math.pi)
+# ln 2 in parts, of which the low bits of the first are nought, so that small multiples of it are
+# exact (Cody and Waite 1980).
 _LN_2_HIGH = f32(0.693359375)
 _LN_2_LOW = f32(math.log(2.0) - 0.693359375)
 _POWERS_OF_2 = f32(1.0 / math.log(2.0))
 
-_ROUND_UP, _EIGHT = f32(8.5), f32(8.0)
-_ONE_QUARTER, _TWO_QUARTERS, _TO_SIGN = u32(1), u32(2), u32(30)
-_LAST_TO_SIGN, _NO_SIGN = u32(31), i32(0)
 _SHIFT_UP, _SHIFT = f32(128.5), i32(128)
 _LEAST_EXPONENT = f32(-40.0)
 _ROOT_HALF_BITS = u32(0x3F3504F3)
 _MANTISSA_BITS, _EXPONENT_BIAS = i32(23), i32(127)
 
 # Coefficients of least largest error, found by reweighted least squares:
-# sin x = x + x³·S(x²) and cos x = 1 - x²/2 + x⁴·C(x²) within ±π/4, eˣ = 1 + x + x²·E(x) within
+# sin x = x + x³·S(x²) and cos x = 1 - x²/2 + x⁴·C(x²) within ±π/2, eˣ = 1 + x + x²·E(x) within
 # ±ln 2 / 2, ln(1 + x) = x - x²/2 + x³·L(x) from √½ - 1 to √2 - 1.
-_S0, _S1, _S2 = f32(-0.166666538), f32(0.00833213143), f32(-0.000195108398)
-_C0, _C1, _C2 = f32(0.0416666456), f32(-0.0013887306), f32(2.4431205e-05)
+_S0, _S1, _S2, _S3 = f32(-0.166666597), f32(0.0083330879), f32(-1.98111011e-4), f32(2.60890306e-6)
+_C0, _C1, _C2, _C3 = f32(0.0416666567), f32(-1.38885691e-3), f32(2.47692915e-5), f32(-2.61935384e-7)
 _E0, _E1, _E2, _E3 = f32(0.499990076), f32(0.166664228), f32(0.0419165678), f32(0.0083779078)
 _L0, _L1, _L2, _L3 = f32(0.333338588), f32(-0.250017464), f32(0.199653983), f32(-0.165656343)
 _L4, _L5, _L6 = f32(0.148769617), f32(-0.143502012), f32(0.0891786814)
@@ -100,35 +94,12 @@ def lower_half(bits: np.uint32) -> np.float32:
 
 @compiled
 def sine_cosine(angle_rad: np.float32) -> tuple[np.float32, np.float32]:
-    """Return sine and cosine of an angle within ±4π."""
-    return turned(*within_a_quarter(angle_rad))
-
-
-@compiled
-def within_a_quarter(angle_rad: np.float32) -> tuple[np.float32, np.float32]:
-    """Return an angle brought to within ±π/4 by quarter turns, and their number, 8 more."""
-    quarters = f32(i32(angle_rad * _QUARTERS + _ROUND_UP))
-    count = quarters - _EIGHT
-    return (angle_rad - count * _HALF_PI_HIGH) - count * _HALF_PI_LOW, quarters
-
-
-@compiled
-def turned(x: np.float32, quarters: np.float32) -> tuple[np.float32, np.float32]:
-    """Return sine and cosine of an angle within ±π/4 after so many quarter turns."""
-    turns = u32(i32(quarters))
+    """Return sine and cosine of an angle within ±π, to 4e-7, by those of its half."""
+    x = HALF * angle_rad
     y = x * x
-    sine = x + x * y * (_S0 + y * (_S1 + y * _S2))
-    cosine = ONE - y * (HALF - y * (_C0 + y * (_C1 + y * _C2)))
-    if i32(u32(turns << _LAST_TO_SIGN)) < _NO_SIGN:
-        sine, cosine = cosine, sine
-    return _signed(sine, turns), _signed(cosine, u32(turns + _ONE_QUARTER))
-
-
-@compiled
-def _signed(number: np.float32, turns: np.uint32) -> np.float32:
-    """Return the number, or its negative where ``turns`` has the second bit."""
-    sign = u32(u32(turns & _TWO_QUARTERS) << _TO_SIGN)
-    return u32(f32(number).view(np.uint32) ^ sign).view(np.float32)
+    sine = x + x * y * (_S0 + y * (_S1 + y * (_S2 + y * _S3)))
+    cosine = ONE - y * (HALF - y * (_C0 + y * (_C1 + y * (_C2 + y * _C3))))
+    return TWO * sine * cosine, (cosine - sine) * (cosine + sine)
 
 
 @compiled

@@ -15,9 +15,8 @@ from command_post.fusion.cloud.lane_arithmetic import (
     i32,
     natural_log,
     random_bits,
-    turned,
+    sine_cosine,
     u32,
-    within_a_quarter,
 )
 from command_post.fusion.cloud.layout import (
     BLOCK,
@@ -126,12 +125,9 @@ def _loosen(cloud: Lanes, kept: np.float32, key_low: np.uint32, key_high: np.uin
 
 @compiled
 def face(block: Lanes) -> None:
-    """Write the sines and cosines of a block's headings, whose fields hold what is between."""
+    """Write the sines and cosines of a block's headings."""
     for lane in range(LANES):
-        x, quarters = within_a_quarter(block[OFFSET + lane])
-        block[SINE + lane], block[COSINE + lane] = x, quarters
-    for lane in range(LANES):
-        sine, cosine = turned(block[SINE + lane], block[COSINE + lane])
+        sine, cosine = sine_cosine(block[OFFSET + lane])
         block[SINE + lane], block[COSINE + lane] = sine, cosine
 
 
