@@ -24,11 +24,10 @@ ZERO, HALF, ONE, TWO = f32(0.0), f32(0.5), f32(1.0), f32(2.0)
 PI, TURN = f32(math.pi), f32(2.0 * math.pi)
 
 _BYTE_BITS, _EVERY_OTHER_BYTE, _BOTH_PAIRS = u32(8), u32(0x00FF00FF), u32(0x00010001)
-_WORD_BITS, _LOW_WORD = u32(16), u32(0xFFFF)
+_WORD_BITS = u32(16)
 _FIFTEEN, _FIRST_FACTOR, _SECOND_FACTOR = u32(15), u32(0x21F0AAAD), u32(0xD35A2D97)
 _MIDDLE_OF_BYTES = i32(510)
 _GAUSS_LINEAR, _GAUSS_CUBIC = f32(6.42104061e-3), f32(5.77395428e-9)
-_UNIFORM_STEP, _UNIFORM_START = f32(math.sqrt(12.0) / 65536), f32(-math.sqrt(3.0) * 65535 / 65536)
 
 # ln 2 in parts, of which the low bits of the first are nought, so that small multiples of it are
 # exact (Cody and Waite 1980).
@@ -37,7 +36,7 @@ _LN_2_LOW = f32(math.log(2.0) - 0.693359375)
 _POWERS_OF_2 = f32(1.0 / math.log(2.0))
 
 _SHIFT_UP, _SHIFT = f32(128.5), i32(128)
-_LEAST_EXPONENT = f32(-40.0)
+LEAST_EXPONENT, LEAST_WEIGHT = f32(-40.0), f32(math.exp(-40.0))
 _ROOT_HALF_BITS = u32(0x3F3504F3)
 _MANTISSA_BITS, _EXPONENT_BIAS = i32(23), i32(127)
 
@@ -81,18 +80,6 @@ def gaussian(bits: np.uint32) -> np.float32:
 
 
 @compiled
-def even(bits: np.uint32) -> np.float32:
-    """Return a number of mean nought and variance 1, evenly spread, of a word's upper half."""
-    return f32(i32(bits >> _WORD_BITS)) * _UNIFORM_STEP + _UNIFORM_START
-
-
-@compiled
-def lower_half(bits: np.uint32) -> np.float32:
-    """Return the number below 65536 of a word's lower half."""
-    return f32(i32(bits & _LOW_WORD))
-
-
-@compiled
 def sine_cosine(angle_rad: np.float32) -> tuple[np.float32, np.float32]:
     """Return sine and cosine of an angle within ±π, to 4e-7, by those of its half."""
     x = HALF * angle_rad
@@ -104,26 +91,12 @@ def sine_cosine(angle_rad: np.float32) -> tuple[np.float32, np.float32]:
 
 @compiled
 def natural_log(number: np.float32) -> np.float32:
-    """Return ln of a positive normal ``number``: ln(m·2ᵉ), m within √2 of one, to 1.2e-7.
-
-    Without a quotient, which vectors are slowest at.
-    """
-    return log_of(*log_parts(number))
-
-
-@compiled
-def log_parts(number: np.float32) -> tuple[np.float32, np.float32, np.float32]:
-    """Return m - 1, e and the last terms of a logarithm's series: its first half."""
+    """Return ln of a positive normal ``number``: ln(m·2ᵉ), m within √2 of one, to 1.2e-7."""
     bits = f32(number).view(np.uint32)
     exponent = i32(i32(u32(bits - _ROOT_HALF_BITS)) >> _MANTISSA_BITS)
     x = u32(bits - u32(exponent << _MANTISSA_BITS)).view(np.float32) - ONE
-    return x, f32(exponent), _L3 + x * (_L4 + x * (_L5 + x * _L6))
-
-
-@compiled
-def log_of(x: np.float32, e: np.float32, last: np.float32) -> np.float32:
-    """Return the logarithm of its parts: its second half."""
-    series = _L0 + x * (_L1 + x * (_L2 + x * last))
+    series = _L0 + x * (_L1 + x * (_L2 + x * (_L3 + x * (_L4 + x * (_L5 + x * _L6)))))
+    e = f32(exponent)
     return e * _LN_2_HIGH + (x - (x * x * (HALF - x * series) - e * _LN_2_LOW))
 
 
@@ -133,22 +106,11 @@ def exponential(number: np.float32) -> np.float32:
 
     Weights are squared; were they smaller, processors would take a hundred times as long over them.
     """
-    return power_of(*power_parts(number))
-
-
-@compiled
-def power_parts(number: np.float32) -> tuple[np.float32, np.float32]:
-    """Return what is left of x after multiples of ln 2, and e to their power: eˣ's first half."""
-    x = max(number, _LEAST_EXPONENT)
+    x = max(number, LEAST_EXPONENT)
     power = i32(i32(x * _POWERS_OF_2 + _SHIFT_UP) - _SHIFT)
     count = f32(power)
     r = (x - count * _LN_2_HIGH) - count * _LN_2_LOW
-    return r, u32((power + _EXPONENT_BIAS) << _MANTISSA_BITS).view(np.float32)
-
-
-@compiled
-def power_of(r: np.float32, scale: np.float32) -> np.float32:
-    """Return eˣ of its parts: its second half."""
+    scale = u32((power + _EXPONENT_BIAS) << _MANTISSA_BITS).view(np.float32)
     return (ONE + r + r * r * (_E0 + r * (_E1 + r * (_E2 + r * _E3)))) * scale
 
 
@@ -179,13 +141,13 @@ def bearing(east: float, north: float) -> float:
 
 
 @compiled
-def across(sums: Lanes) -> float:
-    """Return the sum of 64 lanes, folded in half time and again; ``sums`` is spoilt."""
-    for lane in range(32):
+def across(sums: Lanes, first: int) -> float:
+    """Return the sum of 64 lanes from ``first``, folded in half time and again; they are spoilt."""
+    for lane in range(first, first + 32):
         sums[lane] += sums[lane + 32]
-    for lane in range(16):
+    for lane in range(first, first + 16):
         sums[lane] += sums[lane + 16]
     total = 0.0
-    for lane in range(16):
+    for lane in range(first, first + 16):
         total += sums[lane]
     return total

@@ -11,9 +11,7 @@ from command_post.fusion.cloud.lane_arithmetic import (
     across,
     exponential,
     f32,
-    gaussian,
     i32,
-    natural_log,
     random_bits,
     sine_cosine,
     u32,
@@ -25,14 +23,15 @@ from command_post.fusion.cloud.layout import (
     EAST,
     LANES,
     LOG_SCALE,
-    LOG_WEIGHT,
     NORTH,
     OFFSET,
     SCALE,
     SINE,
+    WEIGHT,
     Indices,
     Lanes,
 )
+from command_post.fusion.cloud.noise import NORMAL, two_places
 from shared.compiled import compiled
 
 _RESAMPLING = u32(0x9E3779B9)
@@ -68,16 +67,16 @@ def resample(
 def _draw(cloud: Lanes, shares: Lanes, source: Indices, bits: np.uint32) -> None:
     """Write where the particle lies that each new one copies, so that copies go by weight.
 
-    Weights become whole numbers, in ``shares``' log-weights, that no rounding may add up. Along
+    Weights become whole numbers, in ``shares``' weights, that no rounding may add up. Along
     their running sum stand as many marks as particles, evenly, the first by chance. A particle is
     written to its marks, and to one or two more, which are the next one's to write over.
     """
     count = source.size - 2
     total = 0
     for block in range(count // LANES):
-        o = block * BLOCK + LOG_WEIGHT
+        o = block * BLOCK + WEIGHT
         for lane in range(LANES):
-            share = i32(exponential(cloud[o + lane]) * _BITS_30)
+            share = i32(cloud[o + lane] * _BITS_30)
             shares[o + lane] = f32(share)
             total += int(share)
     spacing = total // count
@@ -88,7 +87,7 @@ def _draw(cloud: Lanes, shares: Lanes, source: Indices, bits: np.uint32) -> None
         o = block * BLOCK
         for lane in range(LANES):
             source[mark] = source[mark + 1] = o + lane
-            reached += int(shares[o + LOG_WEIGHT + lane])
+            reached += int(shares[o + WEIGHT + lane])
             following = min(int((reached + before_first) * marks_per_unit), count)
             for further in range(mark + 2, following):
                 source[further] = o + lane
@@ -103,7 +102,7 @@ def _loosen(cloud: Lanes, kept: np.float32, key_low: np.uint32, key_high: np.uin
     mean and variance stay (Liu and West 2001, section 10.3).
     """
     count = cloud.size // BLOCK * LANES
-    log_weight = -natural_log(f32(count))
+    weight = ONE / f32(count)
     scatter = f32(math.sqrt(ONE - kept * kept))
     drift_mean, drift_sd = _mean_and_sd(cloud, DRIFT)
     scale_mean, scale_sd = _mean_and_sd(cloud, LOG_SCALE)
@@ -111,24 +110,18 @@ def _loosen(cloud: Lanes, kept: np.float32, key_low: np.uint32, key_high: np.uin
     scale_mean, scale_scatter = (ONE - kept) * scale_mean, scatter * scale_sd
     for block in range(count // LANES):
         o = block * BLOCK
+        drifts, scales = two_places(random_bits(u32(block), key_low, key_high))
         for lane in range(LANES):
-            counter = u32((block * LANES + lane) * 2)
-            to_drift = gaussian(random_bits(counter, key_low, key_high))
-            to_scale = gaussian(random_bits(u32(counter + u32(1)), key_low, key_high))
-            drift = kept * cloud[o + DRIFT + lane] + drift_mean + drift_scatter * to_drift
-            log_scale = kept * cloud[o + LOG_SCALE + lane] + scale_mean + scale_scatter * to_scale
+            to_drift = drift_mean + drift_scatter * NORMAL[drifts + lane]
+            to_scale = scale_mean + scale_scatter * NORMAL[scales + lane]
+            drift = kept * cloud[o + DRIFT + lane] + to_drift
+            log_scale = kept * cloud[o + LOG_SCALE + lane] + to_scale
             cloud[o + DRIFT + lane], cloud[o + LOG_SCALE + lane] = drift, log_scale
             cloud[o + SCALE + lane] = exponential(log_scale)
-            cloud[o + LOG_WEIGHT + lane] = log_weight
-        face(cloud[o : o + BLOCK])
-
-
-@compiled
-def face(block: Lanes) -> None:
-    """Write the sines and cosines of a block's headings."""
-    for lane in range(LANES):
-        sine, cosine = sine_cosine(block[OFFSET + lane])
-        block[SINE + lane], block[COSINE + lane] = sine, cosine
+            cloud[o + WEIGHT + lane] = weight
+        for lane in range(LANES):
+            sine, cosine = sine_cosine(cloud[o + OFFSET + lane])
+            cloud[o + SINE + lane], cloud[o + COSINE + lane] = sine, cosine
 
 
 @compiled
@@ -142,6 +135,6 @@ def _mean_and_sd(cloud: Lanes, field: int) -> tuple[np.float32, np.float32]:
             value = cloud[o + lane]
             sums[lane] += value
             sums[LANES + lane] += value * value
-    mean = across(sums[:LANES]) / (blocks * LANES)
-    variance = across(sums[LANES:]) / (blocks * LANES) - mean * mean
+    mean = across(sums, 0) / (blocks * LANES)
+    variance = across(sums, LANES) / (blocks * LANES) - mean * mean
     return f32(mean), f32(math.sqrt(max(variance, 0.0)))
