@@ -151,13 +151,20 @@ def tie_plain(cloud: Floats, ties: Lanes) -> tuple[Floats, float]:
 
 
 def source_plain(cloud: Floats, key: Key) -> NDArray[np.intp]:
-    """Return which particle each new one copies, drawn systematically (Kitagawa 1996, appendix)."""
+    """Return which particle each is a copy of, drawn systematically (Kitagawa 1996, appendix).
+
+    Who is drawn stays; copies of who is drawn more often take the others' places in turn.
+    """
     word = words_of(np.array([0xFFFFFFFF], np.uint32), Key(key.low ^ 0x9E3779B9, key.high))[0]
     shares: Floats = np.floor(cloud[WEIGHT] * 2.0**30)
     count = shares.size
     spacing = float(shares.sum()) // count
     marks = float(word) * spacing // 2**32 + spacing * np.arange(count)
-    return np.searchsorted(np.add.accumulate(shares), marks, side="left")
+    drawn = np.searchsorted(np.add.accumulate(shares), marks, side="left")
+    copies = np.bincount(drawn, minlength=count)
+    source = np.arange(count)
+    source[copies == 0] = np.repeat(source, np.maximum(copies - 1, 0))
+    return source
 
 
 def loosen_plain(drawn: Floats, kept: float, key: Key) -> Floats:
@@ -195,12 +202,12 @@ def moments_plain(cloud: Floats) -> PlainMoments:
 
 
 def _alike(ties: Floats) -> list[Floats]:
-    """Return runs of ties of one exponent, five at most."""
-    breaks = [0]
-    for i in range(1, len(ties)):
-        if ties[i, TIE_EXPONENT] != ties[i - 1, TIE_EXPONENT] or i - breaks[-1] == MOST_AT_ONCE:
+    """Return runs of ties of one exponent, five at most, from the last to the first."""
+    breaks = [len(ties)]
+    for i in range(len(ties) - 1, 0, -1):
+        if ties[i, TIE_EXPONENT] != ties[i - 1, TIE_EXPONENT] or breaks[-1] - i == MOST_AT_ONCE:
             breaks.append(i)
-    return np.split(ties, breaks[1:]) if len(ties) else []
+    return np.split(ties, breaks[:0:-1])[::-1] if len(ties) else []
 
 
 def _led(cloud: Floats, north: Floats | float, east: Floats | float) -> Floats:

@@ -15,7 +15,6 @@ import math
 import numpy as np
 
 from command_post.fusion.cloud.lane_arithmetic import (
-    LEAST_EXPONENT,
     LEAST_WEIGHT,
     ONE,
     PI,
@@ -71,6 +70,7 @@ from command_post.fusion.cloud.layout import (
     SINCE_EAST,
     SINCE_NORTH,
     SINE,
+    SUM_LANES,
     TIE_AREA,
     TIE_EAST,
     TIE_EE,
@@ -95,11 +95,12 @@ _BITS_24, _TURN_24 = f32(2.0**-24), f32(2.0**-23 * math.pi)
 _TURNS = f32(0.5 / math.pi)
 _TO_WHOLE = f32(1.5 * 2**23)
 """Added to a number and taken away again it leaves the next whole one, having no bits for more."""
-_MOST, _MOST_TIMES = f32(3e38), 8
+_MOST = f32(3e38)
+_CUBED, _LEAST_CUBED = f32(-3.0), f32(math.exp(-40.0 / 3.0))
 
 _SUMS = 9
-_SQUARES, _U, _V, _UU, _UV, _VV, _COSINE, _SINE = (LANES * row for row in range(1, _SUMS))
-_NORTH, _EAST, _LOWEST, _PRODUCTS = (LANES * row for row in range(4))
+_SQUARES, _N, _E, _NN, _NE, _EE, _COSINE, _SINE = (SUM_LANES * row for row in range(1, _SUMS))
+_LOWS, _NORTH, _EAST, _PRODUCTS = 8, LANES, 2 * LANES, 3 * LANES
 
 
 @compiled
@@ -111,7 +112,7 @@ def run_steps(
     ``ties`` up to row ``tie_ends[i]`` belong to step i; ``summaries`` (n, SUMMARY_WIDTH) are
     written. ``cloud`` itself is not.
     """
-    here, spare = cloud.copy(), np.empty_like(cloud)
+    here = cloud.copy()
     work = np.empty(cloud.size // BLOCK * LANES + _PRODUCTS, np.float32)
     tie = 0
     for i in range(steps.shape[0]):
@@ -124,9 +125,8 @@ def run_steps(
             tie = tie_ends[i]
         _summarise(here, summaries[i])
         if summaries[i, EFFECTIVE] < step[RESAMPLE_BELOW]:
-            resample(here, spare, step[KEPT_SPREAD], keys[i, 0], keys[i, 1])
+            resample(here, step[KEPT_SPREAD], keys[i, 0], keys[i, 1])
             summaries[i, RESAMPLED] = ONE
-            here, spare = spare, here
     return here
 
 
@@ -230,34 +230,33 @@ def _tie(cloud: Lanes, ties: Lanes, work: Lanes) -> np.float32:
     likelihoods have in common.
     """
     common = ZERO
-    first, last = 0, ties.shape[0]
-    while first < last:
-        exponent = ties[first, TIE_EXPONENT]
-        end = first + 1
-        while end < min(first + MOST_AT_ONCE, last) and ties[end, TIE_EXPONENT] == exponent:
-            end += 1
-        lowest = _multiply(cloud, ties, first, end, work)
+    first = last = ties.shape[0]
+    while last > 0:
+        exponent = ties[last - 1, TIE_EXPONENT]
+        first = last - 1
+        while first > max(last - MOST_AT_ONCE, 0) and ties[first - 1, TIE_EXPONENT] == exponent:
+            first -= 1
+        work[:_LOWS] = _MOST
+        _multiply(cloud, ties, first, last, work)
+        lowest = _lowest(work)
         _weigh(cloud, work, lowest, exponent)
         common += exponent * natural_log(lowest)
-        first = end
-    for i in range(last):
+        last = first
+    for i in range(ties.shape[0]):
         common -= natural_log(ties[i, TIE_AREA])
     return common
 
 
 @compiled
-def _multiply(cloud: Lanes, ties: Lanes, first: int, end: int, work: Lanes) -> np.float32:
-    """Write each particle's product of one and its squared distances; return the lowest."""
-    for lane in range(LANES):
-        work[_LOWEST + lane] = _MOST
+def _multiply(cloud: Lanes, ties: Lanes, first: int, last: int, work: Lanes) -> None:
+    """Write each particle's product of one and its squared distances from ties' places."""
     for block in range(cloud.size // BLOCK):
         o, p = block * BLOCK, block * LANES + _PRODUCTS
         for lane in range(LANES):
             work[p + lane] = ONE
-        for i in range(first, end):
+        for i in range(first, last):
             since_north, since_east = ties[i, SINCE_NORTH], ties[i, SINCE_EAST]
-            same = i > first and since_north == ties[i - 1, SINCE_NORTH]
-            if not (same and since_east == ties[i - 1, SINCE_EAST]):
+            if i == first or _led_apart(ties, i):
                 for lane in range(LANES):
                     scale = cloud[o + SCALE + lane]
                     cosine, sine = scale * cloud[o + COSINE + lane], scale * cloud[o + SINE + lane]
@@ -269,87 +268,99 @@ def _multiply(cloud: Lanes, ties: Lanes, first: int, end: int, work: Lanes) -> n
             for lane in range(LANES):
                 u, v = work[_NORTH + lane] - north, work[_EAST + lane] - east
                 work[p + lane] *= ONE + u * (nn * u + ne * v) + ee * v * v
-        for lane in range(LANES):
-            # Without the sum a compiler would write only where it is lower, a lane at a time.
-            work[_LOWEST + lane] = min(work[_LOWEST + lane], work[p + lane]) + ZERO
+        for lane in range(_LOWS):
+            low = work[lane]
+            for at in range(p + lane, p + lane + LANES, _LOWS):
+                low = min(low, work[at])
+            work[lane] = low
+
+
+@compiled
+def _led_apart(ties: Lanes, i: int) -> bool:
+    """Whether not the same displacement led on from this tie's moment as from the one's before."""
+    same_north = ties[i, SINCE_NORTH] == ties[i - 1, SINCE_NORTH]
+    return not (same_north and ties[i, SINCE_EAST] == ties[i - 1, SINCE_EAST])
+
+
+@compiled
+def _lowest(work: Lanes) -> np.float32:
+    """Return the lowest product of those that ``_multiply`` found the lowest of their lanes."""
     lowest = _MOST
-    for lane in range(LANES):
-        lowest = min(lowest, work[_LOWEST + lane])
+    for lane in range(_LOWS):
+        lowest = min(lowest, work[lane])
     return lowest
 
 
 @compiled
 def _weigh(cloud: Lanes, work: Lanes, lowest: np.float32, exponent: np.float32) -> None:
     """Multiply the weights by the products' powers, of which the highest is one."""
-    times = int(-exponent)
-    if f32(times) != -exponent or times > _MOST_TIMES:
-        for block in range(cloud.size // BLOCK):
-            o, p = block * BLOCK + WEIGHT, block * LANES + _PRODUCTS
+    for block in range(cloud.size // BLOCK):
+        o, p = block * BLOCK + WEIGHT, block * LANES + _PRODUCTS
+        if exponent == _CUBED:
+            for lane in range(LANES):
+                ratio = max(lowest / work[p + lane], _LEAST_CUBED)
+                weight = cloud[o + lane] * (ratio * ratio * ratio)
+                cloud[o + lane] = max(weight, LEAST_WEIGHT)
+        else:
             for lane in range(LANES):
                 ratio = exponential(exponent * natural_log(work[p + lane] / lowest))
                 cloud[o + lane] = max(cloud[o + lane] * ratio, LEAST_WEIGHT)
-        return
-    least = exponential(LEAST_EXPONENT / f32(times))
-    for block in range(cloud.size // BLOCK):
-        o, p = block * BLOCK + WEIGHT, block * LANES + _PRODUCTS
-        for lane in range(LANES):
-            work[p + lane] = max(lowest / work[p + lane], least)
-        for _ in range(times):
-            for lane in range(LANES):
-                cloud[o + lane] *= work[p + lane]
-        for lane in range(LANES):
-            cloud[o + lane] = max(cloud[o + lane], LEAST_WEIGHT)
 
 
 @compiled
 def _summarise(cloud: Lanes, summary: Lanes) -> None:
     """Scale the weights to sum to one, and write the cloud's moments."""
-    sums = np.zeros(_SUMS * LANES, np.float32)
+    sums = np.zeros(_SUMS * SUM_LANES, np.float32)
     north, east = cloud[NORTH], cloud[EAST]
     _add_up(cloud, sums, north, east)
-    totals = np.zeros(_SUMS)
-    for row in range(_SUMS):
-        totals[row] = across(sums, row * LANES)
-    share = f32(1.0 / totals[0])
+    totals = np.empty(_SUMS)
+    across(sums, totals)
+    whole = totals[0]
+    share = f32(1.0 / whole)
     for block in range(cloud.size // BLOCK):
         o = block * BLOCK + WEIGHT
         for lane in range(LANES):
             cloud[o + lane] *= share
     _write_moments(totals, summary, north, east)
-    summary[LOG_EVIDENCE] += natural_log(f32(totals[0]))
+    summary[LOG_EVIDENCE] += natural_log(f32(whole))
 
 
 @compiled
 def _add_up(cloud: Lanes, sums: Lanes, north: np.float32, east: np.float32) -> None:
-    """Add each lane's weights, and weighted moments about (north, east), into ``sums``."""
+    """Add weights, and weighted moments about (north, east), into ``sums``, lane by lane."""
     for block in range(cloud.size // BLOCK):
         o = block * BLOCK
-        for lane in range(LANES):
-            w = cloud[o + WEIGHT + lane]
-            u, v = cloud[o + NORTH + lane] - north, cloud[o + EAST + lane] - east
-            wu, wv = w * u, w * v
-            sums[lane] += w
-            sums[_SQUARES + lane] += w * w
-            sums[_U + lane] += wu
-            sums[_V + lane] += wv
-            sums[_UU + lane] += wu * u
-            sums[_UV + lane] += wu * v
-            sums[_VV + lane] += wv * v
-            sums[_COSINE + lane] += w * cloud[o + COSINE + lane]
-            sums[_SINE + lane] += w * cloud[o + SINE + lane]
+        for lane in range(SUM_LANES):
+            whole = squares = n = e = nn = ne = ee = cosine = sine = ZERO
+            for at in range(o + lane, o + lane + LANES, SUM_LANES):
+                w = cloud[at + WEIGHT]
+                u, v = cloud[at + NORTH] - north, cloud[at + EAST] - east
+                wu, wv = w * u, w * v
+                whole, squares, n, e = whole + w, squares + w * w, n + wu, e + wv
+                nn, ne, ee = nn + wu * u, ne + wu * v, ee + wv * v
+                cosine, sine = cosine + w * cloud[at + COSINE], sine + w * cloud[at + SINE]
+            sums[lane] += whole
+            sums[_SQUARES + lane] += squares
+            sums[_N + lane] += n
+            sums[_E + lane] += e
+            sums[_NN + lane] += nn
+            sums[_NE + lane] += ne
+            sums[_EE + lane] += ee
+            sums[_COSINE + lane] += cosine
+            sums[_SINE + lane] += sine
 
 
 @compiled
 def _write_moments(totals: Sums, summary: Lanes, north: np.float32, east: np.float32) -> None:
     """Write the moments from the ``totals`` of what ``_add_up`` added about (north, east)."""
     whole = totals[0]
-    means = totals / whole
-    u, v = means[2], means[3]
-    summary[MEAN_NORTH], summary[MEAN_EAST] = north + u, east + v
-    summary[VAR_NN] = max(means[4] - u * u, 0.0)
-    summary[VAR_NE] = means[5] - u * v
-    summary[VAR_EE] = max(means[6] - v * v, 0.0)
-    length = math.sqrt(means[7] * means[7] + means[8] * means[8])
-    summary[MEAN_OFFSET] = bearing(means[8], means[7])
+    n, e = totals[2] / whole, totals[3] / whole
+    summary[MEAN_NORTH], summary[MEAN_EAST] = north + n, east + e
+    summary[VAR_NN] = max(totals[4] / whole - n * n, 0.0)
+    summary[VAR_NE] = totals[5] / whole - n * e
+    summary[VAR_EE] = max(totals[6] / whole - e * e, 0.0)
+    cosine, sine = totals[7] / whole, totals[8] / whole
+    length = math.sqrt(cosine * cosine + sine * sine)
+    summary[MEAN_OFFSET] = bearing(sine, cosine)
     summary[OFFSET_SD] = math.sqrt(-2.0 * natural_log(f32(min(max(length, 1e-9), 1.0))))
     summary[EFFECTIVE] = whole * whole / totals[1]

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from command_post.fusion.cloud.layout import Lanes
+from command_post.fusion.cloud.layout import SUM_LANES, Lanes, Sums
 from shared.compiled import compiled
 
 f32 = np.float32
@@ -141,13 +141,16 @@ def bearing(east: float, north: float) -> float:
 
 
 @compiled
-def across(sums: Lanes, first: int) -> float:
-    """Return the sum of 64 lanes from ``first``, folded in half time and again; they are spoilt."""
-    for lane in range(first, first + 32):
-        sums[lane] += sums[lane + 32]
-    for lane in range(first, first + 16):
-        sums[lane] += sums[lane + 16]
-    total = 0.0
-    for lane in range(first, first + 16):
-        total += sums[lane]
-    return total
+def across(sums: Lanes, totals: Sums) -> None:
+    """Write to ``totals`` (n,) the sums of SUM_LANES ``sums`` each, which are spoilt.
+
+    They are folded in half once and then added up in double precision.
+    """
+    for row in range(totals.size):
+        o = row * SUM_LANES
+        for lane in range(SUM_LANES // 2):
+            sums[o + lane] += sums[o + lane + SUM_LANES // 2]
+        total = 0.0
+        for lane in range(SUM_LANES // 2):
+            total += sums[o + lane]
+        totals[row] = total

@@ -18,7 +18,7 @@ Counts: TypeAlias = NDArray[np.int64]
 Indices: TypeAlias = NDArray[np.int32]
 Sums: TypeAlias = NDArray[np.float64]
 
-LANES = 64
+LANES, SUM_LANES = 64, 16
 FIELDS = 9
 NORTH, EAST, OFFSET, DRIFT, LOG_SCALE, WEIGHT, COSINE, SINE, SCALE = (
     LANES * field for field in range(FIELDS)
