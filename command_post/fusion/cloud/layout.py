@@ -19,6 +19,7 @@ Indices: TypeAlias = NDArray[np.int32]
 Sums: TypeAlias = NDArray[np.float64]
 
 LANES, SUM_LANES = 64, 16
+"""Sums are kept for every sixteenth lane, of which two or four vector registers hold one each."""
 FIELDS = 9
 NORTH, EAST, OFFSET, DRIFT, LOG_SCALE, WEIGHT, COSINE, SINE, SCALE = (
     LANES * field for field in range(FIELDS)
