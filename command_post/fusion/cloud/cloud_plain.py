@@ -1,7 +1,7 @@
 """What the kernels mean, in plain numpy and double precision: slow, and for tests to compare with.
 
 A plain cloud is an array (6, n), rows north and east (m of the cloud's origin), heading offset φ,
-its drift, log-scale and log-weight. Steps, ties and mixtures are the kernels' own rows.
+its drift, log-scale and weight. Steps, ties and mixtures are the kernels' own rows.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from command_post.fusion.cloud.layout import (
     JUMP_BELOW,
     LANES,
     MISSED_FROM,
+    MOST_AT_ONCE,
     MOVE_EAST,
     MOVE_NORTH,
     MOVE_S,
@@ -45,11 +46,15 @@ from command_post.fusion.cloud.layout import (
     TIE_NORTH,
     Lanes,
 )
+from command_post.fusion.cloud.noise import CHANCE, NORMAL, PLACES
 
 Floats: TypeAlias = NDArray[np.float64]
 Words: TypeAlias = NDArray[np.uint32]
 
-NORTH, EAST, OFFSET, DRIFT, LOG_SCALE, LOG_WEIGHT = range(6)
+NORTH, EAST, OFFSET, DRIFT, LOG_SCALE, WEIGHT = range(6)
+
+LEAST = math.exp(-40.0)
+"""A lower weight is raised to it, and so is what a few ties leave of one."""
 
 
 class PlainMoments(NamedTuple):
@@ -97,17 +102,24 @@ def spawn_plain(count: int, components: Lanes, key: Key) -> Floats:
     state = means[chosen].T + np.einsum("nij,jn->in", roots[chosen], normal)
     anywhere = (words_of(8 * numbers + np.uint32(5), key) >> 8) / 2**24 * 2.0 * math.pi - math.pi
     offset = np.where(components[chosen, COMPONENT_TURNED] > 0.0, anywhere, _wrap(state[2]))
-    log_weight = np.full(count, -math.log(count))
-    return np.stack([state[0], state[1], offset, state[4], state[3], log_weight])
+    weight = np.full(count, 1.0 / count)
+    return np.stack([state[0], state[1], offset, state[4], state[3], weight])
+
+
+def noise_plain(numbers: Lanes, words: Words, shift: int) -> Floats:
+    """Return the run of LANES in a table that each block's word tells, one after another."""
+    places = words >> np.uint32(shift) & np.uint32(PLACES - 1)
+    read: Floats = numbers[places[:, None] + np.arange(LANES)].ravel().astype(np.float64)
+    return read
 
 
 def move_plain(cloud: Floats, step: Lanes, key: Key) -> Floats:
     """Move every particle by its own reading of a step."""
-    counters = 4 * np.arange(cloud.shape[1], dtype=np.uint32)
-    words = [words_of(counters + np.uint32(k), key) for k in range(4)]
-    to_north, to_east, to_heading = (normal_of(word) for word in words[:3])
-    to_drift = ((words[3] >> 16) - 32767.5) * math.sqrt(12.0) / 65536
-    happening = words[3] & 0xFFFF
+    counters = 3 * np.arange(cloud.shape[1] // LANES, dtype=np.uint32)
+    words = [words_of(counters + np.uint32(k), key) for k in range(3)]
+    to_north, to_east = (noise_plain(NORMAL, words[0], shift) for shift in (0, 13))
+    to_heading, to_drift = (noise_plain(NORMAL, words[1], shift) for shift in (0, 13))
+    happening = noise_plain(CHANCE, words[2], 0)
     strides = np.where(happening >= step[MISSED_FROM], 2.0, 1.0)
     own = np.where(happening < step[JUMP_BELOW], step[ROOT_JUMP], step[ROOT_HH])
     north = strides * step[MOVE_NORTH] + step[ROOT_NN] * to_north
@@ -122,43 +134,57 @@ def move_plain(cloud: Floats, step: Lanes, key: Key) -> Floats:
 
 def tie_plain(cloud: Floats, ties: Lanes) -> tuple[Floats, float]:
     """Weigh by Student's t about each place; return the cloud and the log-evidence."""
-    log_weight = cloud[LOG_WEIGHT].copy()
-    for tie in ties.astype(np.float64):
-        since = _led(cloud, tie[SINCE_NORTH], tie[SINCE_EAST])
-        u, v = cloud[:2] - since - tie[[TIE_NORTH, TIE_EAST], None]
-        distance = tie[TIE_NN] * u * u + tie[TIE_NE] * u * v + tie[TIE_EE] * v * v
-        log_weight += tie[TIE_EXPONENT] * np.log1p(distance) - math.log(tie[TIE_AREA])
-    evidence = float(np.logaddexp.reduce(log_weight))
-    return np.vstack([cloud[:LOG_WEIGHT], log_weight - evidence]), evidence
+    weight, evidence = cloud[WEIGHT], 0.0
+    for group in _alike(ties.astype(np.float64)):
+        product = np.ones_like(weight)
+        for tie in group:
+            since = _led(cloud, tie[SINCE_NORTH], tie[SINCE_EAST])
+            u, v = cloud[:2] - since - tie[[TIE_NORTH, TIE_EAST], None]
+            product *= 1.0 + tie[TIE_NN] * u * u + tie[TIE_NE] * u * v + tie[TIE_EE] * v * v
+            evidence -= math.log(tie[TIE_AREA])
+        exponent = group[0, TIE_EXPONENT]
+        likelihood = np.maximum((product / product.min()) ** exponent, LEAST)
+        weight = np.maximum(weight * likelihood, LEAST)
+        evidence += exponent * math.log(product.min())
+    whole = float(weight.sum())
+    return np.vstack([cloud[:WEIGHT], weight / whole]), evidence + math.log(whole)
 
 
 def source_plain(cloud: Floats, key: Key) -> NDArray[np.intp]:
-    """Return which particle each new one copies, drawn systematically (Kitagawa 1996, appendix)."""
+    """Return which particle each is a copy of, drawn systematically (Kitagawa 1996, appendix).
+
+    Who is drawn stays; copies of who is drawn more often take the others' places in turn.
+    """
     word = words_of(np.array([0xFFFFFFFF], np.uint32), Key(key.low ^ 0x9E3779B9, key.high))[0]
-    shares: Floats = np.floor(np.exp(cloud[LOG_WEIGHT]) * 2.0**30)
+    shares: Floats = np.floor(cloud[WEIGHT] * 2.0**30)
     count = shares.size
     spacing = float(shares.sum()) // count
     marks = float(word) * spacing // 2**32 + spacing * np.arange(count)
-    return np.searchsorted(np.add.accumulate(shares), marks, side="left")
+    drawn = np.searchsorted(np.add.accumulate(shares), marks, side="left")
+    copies = np.bincount(drawn, minlength=count)
+    source = np.arange(count)
+    source[copies == 0] = np.repeat(source, np.maximum(copies - 1, 0))
+    return source
 
 
 def loosen_plain(drawn: Floats, kept: float, key: Key) -> Floats:
     """Weigh all alike, and scatter drift and log-scale about their mean, whose variance stays."""
     loosened = drawn.copy()
     count = drawn.shape[1]
-    counters = 2 * np.arange(count, dtype=np.uint32)
-    for k, row in enumerate((DRIFT, LOG_SCALE)):
-        normal = normal_of(words_of(counters + np.uint32(k), Key(key.low ^ 0x9E3779B9, key.high)))
+    blocks = np.arange(count // LANES, dtype=np.uint32)
+    words = words_of(blocks, Key(key.low ^ 0x9E3779B9, key.high))
+    for row, shift in ((DRIFT, 0), (LOG_SCALE, 13)):
+        normal = noise_plain(NORMAL, words, shift)
         mean, sd = drawn[row].mean(), drawn[row].std()
         scattered = kept * drawn[row] + (1.0 - kept) * mean
         loosened[row] = scattered + math.sqrt(1.0 - kept * kept) * sd * normal
-    loosened[LOG_WEIGHT] = -math.log(count)
+    loosened[WEIGHT] = 1.0 / count
     return loosened
 
 
 def moments_plain(cloud: Floats) -> PlainMoments:
     """Sum a cloud up; its weights sum to one."""
-    weights = np.exp(cloud[LOG_WEIGHT])
+    weights = cloud[WEIGHT]
     north, east = cloud[:2] @ weights
     u, v = cloud[NORTH] - north, cloud[EAST] - east
     direction = complex((weights * np.exp(1j * cloud[OFFSET])).sum())
@@ -173,6 +199,15 @@ def moments_plain(cloud: Floats) -> PlainMoments:
         offset_sd_rad=math.sqrt(-2.0 * math.log(min(abs(direction), 1.0))),
         effective_count=float(1.0 / (weights @ weights)),
     )
+
+
+def _alike(ties: Floats) -> list[Floats]:
+    """Return runs of ties of one exponent, five at most, from the last to the first."""
+    breaks = [len(ties)]
+    for i in range(len(ties) - 1, 0, -1):
+        if ties[i, TIE_EXPONENT] != ties[i - 1, TIE_EXPONENT] or breaks[-1] - i == MOST_AT_ONCE:
+            breaks.append(i)
+    return np.split(ties, breaks[:0:-1])[::-1] if len(ties) else []
 
 
 def _led(cloud: Floats, north: Floats | float, east: Floats | float) -> Floats:

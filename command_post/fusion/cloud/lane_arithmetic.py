@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from command_post.fusion.cloud.layout import Lanes
+from command_post.fusion.cloud.layout import SUM_LANES, Lanes, Sums
 from shared.compiled import compiled
 
 f32 = np.float32
@@ -24,34 +24,27 @@ ZERO, HALF, ONE, TWO = f32(0.0), f32(0.5), f32(1.0), f32(2.0)
 PI, TURN = f32(math.pi), f32(2.0 * math.pi)
 
 _BYTE_BITS, _EVERY_OTHER_BYTE, _BOTH_PAIRS = u32(8), u32(0x00FF00FF), u32(0x00010001)
-_WORD_BITS, _LOW_WORD = u32(16), u32(0xFFFF)
+_WORD_BITS = u32(16)
 _FIFTEEN, _FIRST_FACTOR, _SECOND_FACTOR = u32(15), u32(0x21F0AAAD), u32(0xD35A2D97)
 _MIDDLE_OF_BYTES = i32(510)
 _GAUSS_LINEAR, _GAUSS_CUBIC = f32(6.42104061e-3), f32(5.77395428e-9)
-_UNIFORM_STEP, _UNIFORM_START = f32(math.sqrt(12.0) / 65536), f32(-math.sqrt(3.0) * 65535 / 65536)
 
-# π/2 and ln 2 in parts whose low bits are nought, so that small multiples of the first are exact
-# (Cody and Waite 1980).
-_HALF_PI_HIGH = f32(1.5703125)
-_HALF_PI_LOW = f32(math.pi / 2.0 - 1.5703125)
-_QUARTERS = f32(2.0 / math.pi)
+# ln 2 in parts, of which the low bits of the first are nought, so that small multiples of it are
+# exact (Cody and Waite 1980).
 _LN_2_HIGH = f32(0.693359375)
 _LN_2_LOW = f32(math.log(2.0) - 0.693359375)
 _POWERS_OF_2 = f32(1.0 / math.log(2.0))
 
-_ROUND_UP, _EIGHT = f32(8.5), f32(8.0)
-_ONE_QUARTER, _TWO_QUARTERS, _TO_SIGN = u32(1), u32(2), u32(30)
-_LAST_TO_SIGN, _NO_SIGN = u32(31), i32(0)
 _SHIFT_UP, _SHIFT = f32(128.5), i32(128)
-_LEAST_EXPONENT = f32(-40.0)
+LEAST_EXPONENT, LEAST_WEIGHT = f32(-40.0), f32(math.exp(-40.0))
 _ROOT_HALF_BITS = u32(0x3F3504F3)
 _MANTISSA_BITS, _EXPONENT_BIAS = i32(23), i32(127)
 
 # Coefficients of least largest error, found by reweighted least squares:
-# sin x = x + x³·S(x²) and cos x = 1 - x²/2 + x⁴·C(x²) within ±π/4, eˣ = 1 + x + x²·E(x) within
+# sin x = x + x³·S(x²) and cos x = 1 - x²/2 + x⁴·C(x²) within ±π/2, eˣ = 1 + x + x²·E(x) within
 # ±ln 2 / 2, ln(1 + x) = x - x²/2 + x³·L(x) from √½ - 1 to √2 - 1.
-_S0, _S1, _S2 = f32(-0.166666538), f32(0.00833213143), f32(-0.000195108398)
-_C0, _C1, _C2 = f32(0.0416666456), f32(-0.0013887306), f32(2.4431205e-05)
+_S0, _S1, _S2, _S3 = f32(-0.166666597), f32(0.0083330879), f32(-1.98111011e-4), f32(2.60890306e-6)
+_C0, _C1, _C2, _C3 = f32(0.0416666567), f32(-1.38885691e-3), f32(2.47692915e-5), f32(-2.61935384e-7)
 _E0, _E1, _E2, _E3 = f32(0.499990076), f32(0.166664228), f32(0.0419165678), f32(0.0083779078)
 _L0, _L1, _L2, _L3 = f32(0.333338588), f32(-0.250017464), f32(0.199653983), f32(-0.165656343)
 _L4, _L5, _L6 = f32(0.148769617), f32(-0.143502012), f32(0.0891786814)
@@ -87,72 +80,23 @@ def gaussian(bits: np.uint32) -> np.float32:
 
 
 @compiled
-def even(bits: np.uint32) -> np.float32:
-    """Return a number of mean nought and variance 1, evenly spread, of a word's upper half."""
-    return f32(i32(bits >> _WORD_BITS)) * _UNIFORM_STEP + _UNIFORM_START
-
-
-@compiled
-def lower_half(bits: np.uint32) -> np.float32:
-    """Return the number below 65536 of a word's lower half."""
-    return f32(i32(bits & _LOW_WORD))
-
-
-@compiled
 def sine_cosine(angle_rad: np.float32) -> tuple[np.float32, np.float32]:
-    """Return sine and cosine of an angle within ±4π."""
-    return turned(*within_a_quarter(angle_rad))
-
-
-@compiled
-def within_a_quarter(angle_rad: np.float32) -> tuple[np.float32, np.float32]:
-    """Return an angle brought to within ±π/4 by quarter turns, and their number, 8 more."""
-    quarters = f32(i32(angle_rad * _QUARTERS + _ROUND_UP))
-    count = quarters - _EIGHT
-    return (angle_rad - count * _HALF_PI_HIGH) - count * _HALF_PI_LOW, quarters
-
-
-@compiled
-def turned(x: np.float32, quarters: np.float32) -> tuple[np.float32, np.float32]:
-    """Return sine and cosine of an angle within ±π/4 after so many quarter turns."""
-    turns = u32(i32(quarters))
+    """Return sine and cosine of an angle within ±π, to 4e-7, by those of its half."""
+    x = HALF * angle_rad
     y = x * x
-    sine = x + x * y * (_S0 + y * (_S1 + y * _S2))
-    cosine = ONE - y * (HALF - y * (_C0 + y * (_C1 + y * _C2)))
-    if i32(u32(turns << _LAST_TO_SIGN)) < _NO_SIGN:
-        sine, cosine = cosine, sine
-    return _signed(sine, turns), _signed(cosine, u32(turns + _ONE_QUARTER))
-
-
-@compiled
-def _signed(number: np.float32, turns: np.uint32) -> np.float32:
-    """Return the number, or its negative where ``turns`` has the second bit."""
-    sign = u32(u32(turns & _TWO_QUARTERS) << _TO_SIGN)
-    return u32(f32(number).view(np.uint32) ^ sign).view(np.float32)
+    sine = x + x * y * (_S0 + y * (_S1 + y * (_S2 + y * _S3)))
+    cosine = ONE - y * (HALF - y * (_C0 + y * (_C1 + y * (_C2 + y * _C3))))
+    return TWO * sine * cosine, (cosine - sine) * (cosine + sine)
 
 
 @compiled
 def natural_log(number: np.float32) -> np.float32:
-    """Return ln of a positive normal ``number``: ln(m·2ᵉ), m within √2 of one, to 1.2e-7.
-
-    Without a quotient, which vectors are slowest at.
-    """
-    return log_of(*log_parts(number))
-
-
-@compiled
-def log_parts(number: np.float32) -> tuple[np.float32, np.float32, np.float32]:
-    """Return m - 1, e and the last terms of a logarithm's series: its first half."""
+    """Return ln of a positive normal ``number``: ln(m·2ᵉ), m within √2 of one, to 1.2e-7."""
     bits = f32(number).view(np.uint32)
     exponent = i32(i32(u32(bits - _ROOT_HALF_BITS)) >> _MANTISSA_BITS)
     x = u32(bits - u32(exponent << _MANTISSA_BITS)).view(np.float32) - ONE
-    return x, f32(exponent), _L3 + x * (_L4 + x * (_L5 + x * _L6))
-
-
-@compiled
-def log_of(x: np.float32, e: np.float32, last: np.float32) -> np.float32:
-    """Return the logarithm of its parts: its second half."""
-    series = _L0 + x * (_L1 + x * (_L2 + x * last))
+    series = _L0 + x * (_L1 + x * (_L2 + x * (_L3 + x * (_L4 + x * (_L5 + x * _L6)))))
+    e = f32(exponent)
     return e * _LN_2_HIGH + (x - (x * x * (HALF - x * series) - e * _LN_2_LOW))
 
 
@@ -162,22 +106,11 @@ def exponential(number: np.float32) -> np.float32:
 
     Weights are squared; were they smaller, processors would take a hundred times as long over them.
     """
-    return power_of(*power_parts(number))
-
-
-@compiled
-def power_parts(number: np.float32) -> tuple[np.float32, np.float32]:
-    """Return what is left of x after multiples of ln 2, and e to their power: eˣ's first half."""
-    x = max(number, _LEAST_EXPONENT)
+    x = max(number, LEAST_EXPONENT)
     power = i32(i32(x * _POWERS_OF_2 + _SHIFT_UP) - _SHIFT)
     count = f32(power)
     r = (x - count * _LN_2_HIGH) - count * _LN_2_LOW
-    return r, u32((power + _EXPONENT_BIAS) << _MANTISSA_BITS).view(np.float32)
-
-
-@compiled
-def power_of(r: np.float32, scale: np.float32) -> np.float32:
-    """Return eˣ of its parts: its second half."""
+    scale = u32((power + _EXPONENT_BIAS) << _MANTISSA_BITS).view(np.float32)
     return (ONE + r + r * r * (_E0 + r * (_E1 + r * (_E2 + r * _E3)))) * scale
 
 
@@ -208,13 +141,16 @@ def bearing(east: float, north: float) -> float:
 
 
 @compiled
-def across(sums: Lanes) -> float:
-    """Return the sum of 64 lanes, folded in half time and again; ``sums`` is spoilt."""
-    for lane in range(32):
-        sums[lane] += sums[lane + 32]
-    for lane in range(16):
-        sums[lane] += sums[lane + 16]
-    total = 0.0
-    for lane in range(16):
-        total += sums[lane]
-    return total
+def across(sums: Lanes, totals: Sums) -> None:
+    """Write to ``totals`` (n,) the sums of SUM_LANES ``sums`` each, which are spoilt.
+
+    They are folded in half once and then added up in double precision.
+    """
+    for row in range(totals.size):
+        o = row * SUM_LANES
+        for lane in range(SUM_LANES // 2):
+            sums[o + lane] += sums[o + lane + SUM_LANES // 2]
+        total = 0.0
+        for lane in range(SUM_LANES // 2):
+            total += sums[o + lane]
+        totals[row] = total

@@ -18,16 +18,21 @@ Counts: TypeAlias = NDArray[np.int64]
 Indices: TypeAlias = NDArray[np.int32]
 Sums: TypeAlias = NDArray[np.float64]
 
-LANES = 64
+LANES, SUM_LANES = 64, 16
+"""Sums are kept for every sixteenth lane, of which two or four vector registers hold one each."""
 FIELDS = 9
-NORTH, EAST, OFFSET, DRIFT, LOG_SCALE, LOG_WEIGHT, COSINE, SINE, SCALE = (
+NORTH, EAST, OFFSET, DRIFT, LOG_SCALE, WEIGHT, COSINE, SINE, SCALE = (
     LANES * field for field in range(FIELDS)
 )
 """Where a field begins in its block: metres north and east of the cloud's origin, heading offset φ
-of the agent's frame in (-π, π], its rate in rad/s, log-scale and log-weight. The last three, cos φ,
+of the agent's frame in (-π, π], its rate in rad/s, log-scale and weight. The last three, cos φ,
 sin φ and the scale itself, follow from the others."""
 
 BLOCK = FIELDS * LANES
+
+MOST_AT_ONCE = 5
+"""Of neighbouring ties of one exponent so many are weighed at once: the product of what they tell
+cannot overflow for anyone within ten thousand standard deviations of each."""
 
 (
     MOVE_NORTH, MOVE_EAST, MOVE_S,

@@ -20,10 +20,10 @@ from command_post.fusion.cloud.layout import (
     Lanes,
 )
 from command_post.fusion.cloud.model import ANY_HEADING_SD_RAD, CloudModel, Mixture, Tie
+from command_post.fusion.cloud.noise import CHANCES
 from shared.messages import OdometryIncrement
 from shared.units import NS_PER_S
 
-CHANCES = 65536
 MOST_TOLD_SD_M = 10.0
 MOST_TOLD_SD_RAD = math.pi
 MOST_LOST = 100
