@@ -7,7 +7,7 @@ bytes come out. Nothing happens between two calls.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from command_post.desks.announcer import Announcer, Outgoing
@@ -244,16 +244,20 @@ class Incident:
         if before_ns is not None:
             with self._set_aside.passing("forgetting"):
                 self._tracker.forget(before_ns)
-        with self._set_aside.passing("looking who is silent"):
-            made += self._desk.pass_time(now_ns)
+        desk_due_ns = self._desk.due_ns
+        if desk_due_ns is not None and desk_due_ns <= now_ns:
+            with self._set_aside.passing("looking who is silent"):
+                made += self._desk.pass_time(now_ns)
         self._set_aside.tell(now_ns)
         return made
 
     @property
     def due_ns(self) -> int | None:
         """When something is due next, were nothing heard until then."""
-        due_ns = [each for each in (self._time_line.due_ns, self._desk.due_ns) if each is not None]
-        return min(due_ns, default=None)
+        line_due_ns, desk_due_ns = self._time_line.due_ns, self._desk.due_ns
+        if line_due_ns is None or desk_due_ns is None:
+            return desk_due_ns if line_due_ns is None else line_due_ns
+        return min(line_due_ns, desk_due_ns)
 
     def said(self, message: Order | Receipt | StationTable | SiteAdvice) -> Outgoing:
         """Return what the post itself has to say as it is to be published."""
@@ -372,27 +376,27 @@ class Incident:
         for event in events:
             if self._set_aside.takes(event.key, what := fused(event)):
                 with self._set_aside.survived(event.key, "fusing it", what):
-                    for outgoing in self._outcome(event):
-                        made.append(outgoing)  # noqa: PERF402 - what is made before a fault counts
+                    self._fuse_one(event, made)
         return made
 
-    def _outcome(self, event: Event) -> Iterator[Outgoing]:
-        """Let the tracker have one event, and say what it changed."""
-        time_ns = event.dated.event_time_ns
-        self._give(event.key.node_id, event.dated)
+    def _fuse_one(self, event: Event, made: list[Outgoing]) -> None:
+        """Let the tracker have one event, and say in ``made`` what it changed, before any fault."""
+        message = event.dated
+        time_ns = message.event_time_ns
+        self._give(event.key.node_id, message)
         known = self._doubts.changed(self._tracker.doubts)
-        yield from [] if known is None else self._desk.doubt(known, time_ns)
+        if known is not None:
+            made += self._desk.doubt(known, time_ns)
         changes = self._tracker.take_changes()
         self._set_aside.take(changes.mishaps)
         for responder_id, estimate in changes.estimates:
-            yield self._announcer.track(responder_id, estimate)
-            left = self._teams.take(responder_id, estimate)
-            yield from self._desk.leave(left, time_ns)
+            made.append(self._announcer.track(responder_id, estimate))
+            made += self._desk.leave(self._teams.take(responder_id, estimate), time_ns)
         for dap_id, dap in changes.daps:
             # The DAP knows its installation by the time that it gave itself.
             said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
             self._dap_places[dap_id] = place = self._announcer.dap_place(dap_id, dap, said_ns)
-            yield place
+            made.append(place)
 
     def _give(self, node_id: str, message: Message) -> None:
         self._handing_over.give(node_id, message)
