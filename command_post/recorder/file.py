@@ -22,13 +22,14 @@ import msgspec
 import structlog
 from mcap.writer import Writer
 
+from command_post.known_keys import KnownKeys
 from command_post.recorder.channels import FileChannel
 from command_post.recorder.declarations import Declarations
 from command_post.recorder.differences import differences
 from command_post.recorder.last_bytes import LastBytes
 from command_post.recorder.layout import Declared, WholePart, ending, whole_part
 from command_post.recorder.mirror import Mirror
-from shared.codec import Refusal, decode, parse_key
+from shared.codec import Refusal, decode
 from shared.files import is_at, replace_atomically, sync_folder
 from shared.mcap_reader import (
     ABOUT,
@@ -106,6 +107,7 @@ class RecordingFile:
         self._link = link
         self._metadata = metadata
         self._last_bytes = LastBytes()
+        self._keys = KnownKeys()
         self._is_cut = False
         self._messages = self._synced_messages = 0
         if path.exists() and not replace:
@@ -233,7 +235,7 @@ class RecordingFile:
         It is passed over if its topic is one that is not to be recorded. Whatever is not taken
         raises.
         """
-        parsed = parse_key(key)
+        parsed = self._keys.parsed(key)
         if not isinstance(parsed, Refusal) and not TOPICS[parsed.topic].recorded:
             return True
         message = parsed if isinstance(parsed, Refusal) else decode(parsed, payload)
