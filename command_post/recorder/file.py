@@ -20,7 +20,6 @@ from typing import Literal, TypeAlias
 
 import msgspec
 import structlog
-from mcap.writer import Writer
 
 from command_post.known_keys import KnownKeys
 from command_post.recorder.channels import FileChannel
@@ -29,6 +28,7 @@ from command_post.recorder.differences import differences
 from command_post.recorder.last_bytes import LastBytes
 from command_post.recorder.layout import Declared, WholePart, ending, whole_part
 from command_post.recorder.mirror import Mirror
+from command_post.recorder.writer import RecordWriter
 from shared.codec import Refusal, decode
 from shared.files import is_at, replace_atomically, sync_folder
 from shared.mcap_reader import (
@@ -44,9 +44,6 @@ from shared.mcap_records import MAGIC
 from shared.messages import Message
 from shared.recording_parts import CONTINUED, PART, Link, unfinished_path
 from shared.topics import TOPICS, WIRE_VERSION
-
-CHUNK_BYTES = 1 << 18
-"""A chunk is closed when it holds this much, so that rare topics are quick to read."""
 
 MAX_PAYLOAD_BYTES = 1 << 20
 """What is kept of one message; far more than the codec accepts, so replay refuses it as well."""
@@ -115,7 +112,7 @@ class RecordingFile:
         whole = self._to_be_resumed() if resume else None
         mode: _Mode = "r+b" if whole is not None else "w+b" if replace or resume else "x+b"
         self._stream = self._opened(mode)
-        self._writer = self._new_writer()
+        self._writer = RecordWriter(self._stream)
         try:
             if whole is None:
                 self._begin()
@@ -164,7 +161,7 @@ class RecordingFile:
 
     def _begin(self) -> None:
         software = {"software_version": version("clew"), "wire_version": WIRE_VERSION}
-        self._writer.start(library=f"clew {version('clew')}")
+        self._writer.start(f"clew {version('clew')}")
         self._writer.add_metadata(ABOUT, {**self._metadata, **software})
         if self._link is not None:
             self._writer.add_metadata(PART, self._link().as_metadata())
@@ -187,12 +184,9 @@ class RecordingFile:
         """Cut the file off there, and have what follows declare all channels once more."""
         self._stream.truncate(end_bytes)
         self._stream.seek(end_bytes)
-        self._writer = self._new_writer()
+        self._writer = RecordWriter(self._stream)
         self._declarations.declare_again(self._writer)
         self.is_resumed = True
-
-    def _new_writer(self) -> Writer:
-        return Writer(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
 
     def mend(self) -> int:
         """Go on, after an ``OSError``, behind what was synced last.
@@ -215,7 +209,7 @@ class RecordingFile:
         if not aside.exists():
             self.part.replace(aside)
         self._stream = self.part.open("w+b")
-        self._writer = self._new_writer()
+        self._writer = RecordWriter(self._stream)
         self._declarations = Declarations(Declared())
         self.is_resumed, gone = False, self._synced_messages
         self._last_bytes = LastBytes()
@@ -308,12 +302,7 @@ class RecordingFile:
         if self._mirror is not None:
             self._write_drawn(self._mirror)
         self.sync()
-        if self.is_resumed:
-            # The library knows of what it has written itself since.
-            self._writer.flush()
-            self._stream.write(ending(self.part, self._declarations.declared))
-        else:
-            self._writer.finish()
+        self._stream.write(ending(self.part, self._declarations.declared))
         self._stream.flush()
         os.fsync(self._stream.fileno())
         self._stream.close()
