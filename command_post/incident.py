@@ -304,8 +304,9 @@ class Incident:
 
     def _is_own(self, key: Key) -> bool:
         """Whether only this post says such things: its table is handled, to be on the record."""
-        own = (self.settings.incident, "post", self.settings.post_id)
-        return key[:3] == own and key.topic != "stations"
+        if key.role != "post" or key.topic == "stations":
+            return False
+        return (key.incident, key.node_id) == (self.settings.incident, self.settings.post_id)
 
     def _take_from_post(self, key: Key, payload: bytes, now_ns: int) -> list[Outgoing]:
         message = decode(key, payload)

@@ -26,7 +26,7 @@ from command_post.recorder.channels import FileChannel
 from command_post.recorder.declarations import Declarations
 from command_post.recorder.differences import differences
 from command_post.recorder.last_bytes import LastBytes
-from command_post.recorder.layout import Declared, WholePart, ending, whole_part
+from command_post.recorder.layout import Declared, WholePart, ending_of, whole_part
 from command_post.recorder.mirror import Mirror
 from command_post.recorder.writer import RecordWriter
 from shared.codec import Refusal, decode
@@ -302,7 +302,10 @@ class RecordingFile:
         if self._mirror is not None:
             self._write_drawn(self._mirror)
         self.sync()
-        self._stream.write(ending(self.part, self._declarations.declared))
+        declared = self._declarations.declared
+        # The writer knows of what it has written itself.
+        told = ending_of(self.part, declared) if self.is_resumed else self._writer.ending(declared)
+        self._stream.write(told)
         self._stream.flush()
         os.fsync(self._stream.fileno())
         self._stream.close()

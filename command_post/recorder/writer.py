@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import BinaryIO
 
 import zstandard
@@ -18,7 +19,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Header, McapRecord, Metadata, Schema
 
-from shared.mcap_records import MAGIC
+from command_post.recorder.layout import Block, Declared, Layout, ending
+from shared.mcap_records import MAGIC, Placed
 
 CHUNK_BYTES = 1 << 18
 """A chunk is closed when it holds this much, so that rare topics are quick to read."""
@@ -32,7 +34,7 @@ class RecordWriter:
     """Writes records to ``stream`` behind what is there. Whatever writes raises its ``OSError``.
 
     Schemas and channels are numbered from 1 on, in the order in which they are registered; they
-    stand in the chunk of the first message behind them. The file's summary is ``layout.ending``'s.
+    stand in the chunk of the first message behind them.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -43,11 +45,12 @@ class RecordWriter:
         """Of each channel, the time of each message in the chunk and where it stands there."""
 
         self._schemas = self._channels = 0
+        self._layout = Layout([], [], [])
+        self._written_bytes = self._checksum = 0
 
     def start(self, library: str) -> None:
         """Begin the file: say what it is, and what writes it."""
-        self._stream.write(MAGIC)
-        self._stream.write(_bytes_of(Header("", library)))
+        self._write(MAGIC + _bytes_of(Header("", library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Declare a schema; return its number."""
@@ -88,12 +91,23 @@ class RecordWriter:
 
     def add_metadata(self, name: str, metadata: Mapping[str, str]) -> None:
         """Write metadata, before the chunk that is open."""
-        self._stream.write(_bytes_of(Metadata(name, dict(metadata))))
+        record, begin_bytes = Metadata(name, dict(metadata)), self._written_bytes
+        self._write(_bytes_of(record))
+        self._layout.metadata.append((record, Placed(record, begin_bytes, self._written_bytes)))
 
     def flush(self) -> None:
         """Close the chunk, if any message is in it, and pass all on to the system."""
         self._close()
         self._stream.flush()
+
+    def ending(self, declared: Declared) -> bytes:
+        """Return what is to follow all that was written, the file having been begun here."""
+        return ending(self._layout, self._written_bytes, self._checksum, declared)
+
+    def _write(self, data: bytes) -> None:
+        self._stream.write(data)
+        self._written_bytes += len(data)
+        self._checksum = zlib.crc32(data, self._checksum)
 
     def _close_if_full(self) -> None:
         if len(self._chunk) > CHUNK_BYTES:
@@ -112,8 +126,21 @@ class RecordWriter:
             uncompressed_crc=zlib.crc32(content),
             uncompressed_size=len(content),
         )
-        self._stream.write(_bytes_of(chunk))
-        self._stream.write(b"".join(map(_index_record, self._index, self._index.values())))
+        begin_bytes, size = self._written_bytes, len(chunk.data)
+        self._write(_bytes_of(chunk))
+        chunk_end_bytes = at_bytes = self._written_bytes
+        messages: dict[int, int] = {}
+        index_bytes: dict[int, int] = {}
+        records = []
+        for channel_id, index in self._index.items():
+            messages[channel_id], index_bytes[channel_id] = len(index) // 2, at_bytes
+            records.append(_index_record(channel_id, index))
+            at_bytes += len(records[-1])
+        self._write(b"".join(records))
+        header = replace(chunk, data=b"")
+        self._layout.blocks.append(
+            Block(header, size, begin_bytes, chunk_end_bytes, at_bytes, messages, index_bytes)
+        )
         self._chunk.clear()
         self._times_ns.clear()
         self._index.clear()

@@ -10,7 +10,7 @@ import pytest
 from mcap.records import Channel, Schema
 from mcap.writer import Writer
 
-from command_post.recorder.layout import Declared, ending
+from command_post.recorder.layout import Declared
 from command_post.recorder.writer import CHUNK_BYTES, RecordWriter
 
 MESSAGES = 3000
@@ -40,14 +40,14 @@ def test_it_makes_the_bytes_that_the_library_makes(tmp_path: Path) -> None:
         library.start(library="clew test")
         write(library)
         library.finish()
-    with own.open("w+b") as stream:
+    with own.open("wb") as stream:
         writer = RecordWriter(stream)
         writer.start("clew test")
         write(writer)
         writer.flush()
         marks = {"outgoing": "yes"}
         channels = {n: Channel(n, f"topic/{n}", "msgpack", marks, n % 2) for n in range(1, 4)}
-        stream.write(ending(own, Declared({1: Schema(1, b"{}", "jsonschema", "One")}, channels)))
+        stream.write(writer.ending(Declared({1: Schema(1, b"{}", "jsonschema", "One")}, channels)))
     assert own.stat().st_size > 2 * CHUNK_BYTES
     assert own.read_bytes() == by_library.read_bytes()
 
