@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from threading import Event
 from typing import Protocol
 
 import structlog
 
-from command_post.fusion.mishaps import got_over
+from command_post.fusion.mishaps import GotOver
 from command_post.roster import Roster
 
 PAUSE_S = 1.0
@@ -50,9 +49,9 @@ class GoingOn:
             for (what, error), count in sorted(self._failed.items())
         ]
 
-    def survived(self, what: str) -> AbstractContextManager[None]:
+    def survived(self, what: str) -> GotOver:
         """Break off at an exception what is done within; interrupts go on upwards."""
-        return got_over(lambda error: self._note(what, error))
+        return GotOver(lambda error: self._note(what, error))
 
     def running(self, what: str, run: Callable[[Event], None], stop: Event) -> None:
         """Have ``run`` run until ``stop``, and begin it anew wherever it fails."""

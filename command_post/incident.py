@@ -7,7 +7,7 @@ bytes come out. Nothing happens between two calls.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
 from command_post.desks.announcer import Announcer, Outgoing
@@ -246,11 +246,14 @@ class Incident:
         if before_ns is not None:
             with self._set_aside.passing("forgetting"):
                 self._tracker.forget(before_ns)
-        with self._set_aside.passing("telling of who is silent"):
-            silent = self._tracker.pass_time(now_ns - self.settings.hold_ns)
-            made += self._tracks(silent, now_ns)
-        with self._set_aside.passing("looking who is silent"):
-            made += self._desk.pass_time(now_ns)
+        until_ns, silent_ns = now_ns - self.settings.hold_ns, self._tracker.silent_due_ns
+        if silent_ns is not None and silent_ns <= until_ns:
+            with self._set_aside.passing("telling of who is silent"):
+                self._tell(self._tracker.pass_time(until_ns), now_ns, made)
+        desk_due_ns = self._desk.due_ns
+        if desk_due_ns is not None and desk_due_ns <= now_ns:
+            with self._set_aside.passing("looking who is silent"):
+                made += self._desk.pass_time(now_ns)
         self._set_aside.tell(now_ns)
         return made
 
@@ -308,8 +311,9 @@ class Incident:
 
     def _is_own(self, key: Key) -> bool:
         """Whether only this post says such things: its table is handled, to be on the record."""
-        own = (self.settings.incident, "post", self.settings.post_id)
-        return key[:3] == own and key.topic != "stations"
+        if key.role != "post" or key.topic == "stations":
+            return False
+        return (key.incident, key.node_id) == (self.settings.incident, self.settings.post_id)
 
     def _take_from_post(self, key: Key, payload: bytes, now_ns: int) -> list[Outgoing]:
         message = decode(key, payload)
@@ -388,32 +392,33 @@ class Incident:
         for event in events:
             if self._set_aside.takes(event.key, what := fused(event)):
                 with self._set_aside.survived(event.key, "fusing it", what):
-                    for outgoing in self._outcome(event):
-                        made.append(outgoing)  # noqa: PERF402 - what is made before a fault counts
+                    self._fuse_one(event, made)
         return made
 
-    def _outcome(self, event: Event) -> Iterator[Outgoing]:
-        """Let the tracker have one event, and say what it changed."""
-        time_ns = event.dated.event_time_ns
-        self._give(event.key.node_id, event.dated)
+    def _fuse_one(self, event: Event, made: list[Outgoing]) -> None:
+        """Let the tracker have one event, and say in ``made`` what it changed, before any fault."""
+        message = event.dated
+        time_ns = message.event_time_ns
+        self._give(event.key.node_id, message)
         known = self._doubts.changed(self._tracker.doubts)
-        yield from [] if known is None else self._desk.doubt(known, time_ns)
+        if known is not None:
+            made += self._desk.doubt(known, time_ns)
         changes = self._tracker.take_changes()
         self._set_aside.take(changes.mishaps)
-        yield from self._tracks(changes.estimates, time_ns)
+        self._tell(changes.estimates, time_ns, made)
         for dap_id, dap in changes.daps:
             # The DAP knows its installation by the time that it gave itself.
             said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
             self._dap_places[dap_id] = place = self._announcer.dap_place(dap_id, dap, said_ns)
-            yield place
+            made.append(place)
 
-    def _tracks(
-        self, estimates: Iterable[tuple[str, Estimate]], time_ns: int
-    ) -> Iterator[Outgoing]:
-        """Say where responders are, and alert to who leaves their team."""
+    def _tell(
+        self, estimates: Sequence[tuple[str, Estimate]], time_ns: int, made: list[Outgoing]
+    ) -> None:
+        """Say in ``made`` where responders are, and alert to who leaves their team."""
         for responder_id, estimate in estimates:
-            yield self._announcer.track(responder_id, estimate)
-            yield from self._desk.leave(self._teams.take(responder_id, estimate), time_ns)
+            made.append(self._announcer.track(responder_id, estimate))
+            made += self._desk.leave(self._teams.take(responder_id, estimate), time_ns)
 
     def _give(self, node_id: str, message: Message) -> None:
         self._handing_over.give(node_id, message)

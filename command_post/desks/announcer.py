@@ -29,6 +29,8 @@ class Announcer:
         self._incident = incident
         self._post_id = post_id
         self._sequences: Counter[str] = Counter()
+        self._keys: dict[type[Message], str] = {}
+        """What each kind of message goes under."""
 
     def next_sequence(self, topic: str) -> int:
         """Return the number of the next message of ``topic``, and count it."""
@@ -42,8 +44,12 @@ class Announcer:
 
     def outgoing(self, message: Message) -> Outgoing:
         """Return a message as it is to be published."""
-        key = Key(self._incident, "post", self._post_id, TOPIC_OF[type(message)].name)
-        return Outgoing(str(key), encode(message))
+        kind = type(message)
+        key = self._keys.get(kind)
+        if key is None:
+            key = str(Key(self._incident, "post", self._post_id, TOPIC_OF[kind].name))
+            self._keys[kind] = key
+        return Outgoing(key, encode(message))
 
     def alert(self, alert: Alert) -> Outgoing:
         """Say how an alert stands."""

@@ -8,8 +8,7 @@ a replay, at the same place, so that this makes the same of it.
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
 from pathlib import PurePath
 from typing import NamedTuple
 
@@ -18,18 +17,28 @@ from shared.topics import Role
 MOST_KEPT = 100
 
 
-@contextmanager
-def got_over(note: Callable[[Exception], object]) -> Iterator[None]:
-    """Break off what is done within at an exception, and ``note`` it.
+class GotOver:
+    """Breaks off what is done within at an exception, and ``note``s it.
 
     What is no fault of ours goes on upwards: interrupts, and memory that has run out.
     """
-    try:
-        yield
-    except MemoryError:
-        raise
-    except Exception as error:
-        note(error)
+
+    __slots__ = ("_note",)
+
+    def __init__(self, note: Callable[[Exception], object]) -> None:
+        self._note = note
+
+    def __enter__(self) -> None:
+        """Begin."""
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, error: BaseException | None, _trace: object
+    ) -> bool:
+        """Note an exception, if it is to be got over."""
+        if not isinstance(error, Exception) or isinstance(error, MemoryError):
+            return False
+        self._note(error)
+        return True
 
 
 class Mishap(NamedTuple):
@@ -59,11 +68,12 @@ class Mishaps:
     def __init__(self) -> None:
         self._found: list[Mishap] = []
 
-    def survived(
-        self, what: str, role: Role | None = None, node_id: str = ""
-    ) -> AbstractContextManager[None]:
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def survived(self, what: str) -> GotOver:
         """Break off what is done within at an exception, and note it."""
-        return got_over(lambda error: self.note(error, what, role, node_id))
+        return GotOver(lambda error: self.note(error, what))
 
     def note(
         self, error: Exception, what: str, role: Role | None = None, node_id: str = ""

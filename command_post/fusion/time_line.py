@@ -91,7 +91,9 @@ class TimeLine:
     def put(self, event: Event, now_ns: int) -> None:
         """Take ``event`` in, received at ``now_ns``; drop it if it was here before."""
         key, message, time_ns = event
-        remembered = self._remembered.setdefault(key, _Remembered())
+        remembered = self._remembered.get(key)
+        if remembered is None:
+            remembered = self._remembered[key] = _Remembered()
         if not remembered.is_new(message):
             self.counts["repeated"] += 1
             return

@@ -114,5 +114,7 @@ class Dating:
             if known is None or known[1] != said_ns:
                 known = self._installed[key.node_id] = (time_ns, said_ns)
             time_ns = known[0]
-        self.moved_in_time += time_ns != said_ns
+        if time_ns == said_ns:
+            return undated.event
+        self.moved_in_time += 1
         return undated.event._replace(time_ns=time_ns)

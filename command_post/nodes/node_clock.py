@@ -57,6 +57,8 @@ class NodeClock:
         self._stated: _Stated | None = None
         self._spans: dict[bytes, tuple[ClockSpan, ...]] = {}
         self._applied_ns = 0
+        self.contradiction_ns: int | None = None
+        """How long, by what is stated, the quickest message was on its way, if that cannot be."""
 
     @property
     def known(self) -> bool:
@@ -67,15 +69,6 @@ class NodeClock:
     def stated(self) -> bool:
         """Whether the node has said how far it is off, and can be right."""
         return self._stated is not None and self.contradiction_ns is None
-
-    @property
-    def contradiction_ns(self) -> int | None:
-        """How long, by what is stated, the quickest message was on its way, if that cannot be."""
-        if self._stated is None or not self._ages.known:
-            return None
-        way_ns = self._ages.least_ns - self._stated.words.offset_ns
-        soonest_ns = -(self._stated.words.uncertainty_ns + EARLY_NS)
-        return None if soonest_ns <= way_ns <= self._wrong_ns else way_ns
 
     @property
     def now(self) -> KnownClock:
@@ -91,9 +84,22 @@ class NodeClock:
         """
         if process == self._process or self._process is None:
             self._ages.hear(age_ns, now_ns, live=live)
+            self._look_for_contradiction()
 
     def heed(self, beat: Beat, seal: Seal | None) -> None:
         """Take in what a node states of its clock, before the age of what it says so in."""
+        self._take_statement(beat, seal)
+        self._look_for_contradiction()
+
+    def _look_for_contradiction(self) -> None:
+        self.contradiction_ns = None
+        if self._stated is not None and self._ages.known:
+            way_ns = self._ages.least_ns - self._stated.words.offset_ns
+            soonest_ns = -(self._stated.words.uncertainty_ns + EARLY_NS)
+            if not soonest_ns <= way_ns <= self._wrong_ns:
+                self.contradiction_ns = way_ns
+
+    def _take_statement(self, beat: Beat, seal: Seal | None) -> None:
         process = None if seal is None else seal.run
         if process != self._process:
             # Another process has read its clock anew: what held for the last one is past.

@@ -76,7 +76,9 @@ class Senders:
         if seal is None or not TOPICS[key.topic].journalled:
             age_ns, process = now_ns - message.event_time_ns, None if seal is None else seal.run
             clock.hear(age_ns, now_ns, live=key.topic in LIVE_TOPICS, process=process)
-        numbering = self._numberings.setdefault(key, _Numbering())
+        numbering = self._numberings.get(key)
+        if numbering is None:
+            numbering = self._numberings[key] = _Numbering()
         if numbering.begins_anew(message, now_ns):
             self.begun_anew += 1
             if numbering.too_often(now_ns):
@@ -170,18 +172,21 @@ def _clock_findings(node: Node, clock: NodeClock) -> list[Finding]:
         )
         found.append(Finding("false_clock", node, words))
     offset_ns, uncertainty_ns = clock.now
-    which = "behind" if offset_ns > 0 else "ahead"
-    off = f"clock {which} by {_in_words(offset_ns)}"
-    if uncertainty_ns is None and offset_ns:
-        found.append(Finding("wrong_clock", node, off))
-    elif uncertainty_ns is not None and abs(offset_ns) > TOLD_NS:
-        known = f"{off}, known to {_in_words(uncertainty_ns)}"
+    if uncertainty_ns is None:
+        if offset_ns:
+            found.append(Finding("wrong_clock", node, _off(offset_ns)))
+    elif abs(offset_ns) > TOLD_NS:
+        known = f"{_off(offset_ns)}, known to {_in_words(uncertainty_ns)}"
         found.append(Finding("wrong_clock", node, known))
-    elif uncertainty_ns is not None and uncertainty_ns > TOLD_NS:
+    elif uncertainty_ns > TOLD_NS:
         found.append(
             Finding("unsure_clock", node, f"clock known to {_in_words(uncertainty_ns)} only")
         )
     return found
+
+
+def _off(offset_ns: int) -> str:
+    return f"clock {'behind' if offset_ns > 0 else 'ahead'} by {_in_words(offset_ns)}"
 
 
 def _in_words(duration_ns: int) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable
 from hashlib import blake2b
 from typing import Any, NamedTuple, Protocol
 
-from command_post.fusion.mishaps import Mishap, Mishaps
+from command_post.fusion.mishaps import GotOver, Mishap, Mishaps
 from command_post.fusion.time_line import Event
 from command_post.nodes.notices import Notices
 from command_post.nodes.senders import Node
@@ -37,6 +36,28 @@ class _Unattended:
 
     def end(self) -> None:
         pass
+
+
+class _Attended(GotOver):
+    """Names to who attends what is done within, until it is done or survived."""
+
+    __slots__ = ("_attendant", "_what")
+
+    def __init__(self, note: Callable[[Exception], None], attendant: Attendant, what: str) -> None:
+        super().__init__(note)
+        self._attendant = attendant
+        self._what = what
+
+    def __enter__(self) -> None:
+        self._attendant.begin(self._what)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> bool:
+        is_over = error is None or super().__exit__(kind, error, trace)
+        if is_over:
+            self._attendant.end()
+        return is_over
 
 
 class _Aside(NamedTuple):
@@ -75,26 +96,22 @@ class SetAside:
         self._mishaps.put_aside(words, key.role, key.node_id, "Fatal")
         return False
 
-    @contextmanager
-    def survived(self, key: Key, doing: str, what: str = "") -> Iterator[None]:
+    def survived(self, key: Key, doing: str, what: str = "") -> GotOver:
         """Break off what is done within with a message under ``key``, at an exception.
 
         ``what`` names it to who attends; within what is attended already, nothing does.
         """
-        if what:
-            self._attendant.begin(what)
-        with self._mishaps.survived(f"{key.topic}, {doing}", key.role, key.node_id):
-            yield
-        if what:
-            self._attendant.end()
 
-    @contextmanager
-    def passing(self, doing: str) -> Iterator[None]:
+        def note(error: Exception) -> None:
+            self._mishaps.note(error, f"{key.topic}, {doing}", key.role, key.node_id)
+
+        return _Attended(note, self._attendant, what) if what else GotOver(note)
+
+    def passing(self, doing: str) -> GotOver:
         """Break off at an exception what is done within, which no message is about."""
-        self._attendant.begin(doing)
-        with self._mishaps.survived(doing, *self._post):
-            yield
-        self._attendant.end()
+        return _Attended(
+            lambda error: self._mishaps.note(error, doing, *self._post), self._attendant, doing
+        )
 
     def take(self, mishaps: Iterable[Mishap]) -> None:
         """Take in what came up elsewhere, and was got over there."""
@@ -102,6 +119,8 @@ class SetAside:
 
     def tell(self, now_ns: int) -> None:
         """Count and tell what came up by ``now_ns``."""
+        if not (self._mishaps or self._elsewhere):
+            return
         mishaps, self._elsewhere = [*self._mishaps.take(), *self._elsewhere], []
         for each in mishaps:
             node = self._post if each.role is None else (each.role, each.node_id)

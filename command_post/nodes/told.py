@@ -57,6 +57,10 @@ class Told:
         """Keep ``message``, heard at ``now_ns``, if it is the newest of its kind."""
         self._signs.take(role, node_id, message, now_ns)
         match message:
+            case OdometryIncrement():
+                last = self.movements.get(node_id)
+                if last is None or _is_newer(message, last.increment):
+                    self.movements[node_id] = LastMovement(message, now_ns)
             case Beat(supplies=Supplies() as supplies):
                 self.supplies[role, node_id] = supplies
             case Alarm():
@@ -72,10 +76,6 @@ class Told:
                 if box is None or _is_newer(message, box):
                     self.boxes[node_id] = message
                     self.supplies[role, node_id] = supplies_of(message)
-            case OdometryIncrement():
-                last = self.movements.get(node_id)
-                if last is None or _is_newer(message, last.increment):
-                    self.movements[node_id] = LastMovement(message, now_ns)
 
     def of_box(self, dap_id: str, silent_ns: int, now_ns: int) -> list[str]:
         """Return in words what is wrong with a DAP's box; of a dead one why, as far as is known.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from mcap.records import Channel, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import Writer
 
 from command_post.recorder.channels import FileChannel, marked
 from command_post.recorder.layout import Declared
 from command_post.recorder.mirror import Drawn
 from command_post.recorder.schemas import MESSAGES, json_schema
+from command_post.recorder.writer import RecordWriter
 from shared.mcap_reader import CHANNEL
 
 MAX_CHANNELS = 4096
@@ -43,7 +43,9 @@ class Declarations:
         """Say whether ``channel`` is there, or one more may be."""
         return channel in self._channels or self.count < MAX_CHANNELS
 
-    def number_of(self, channel: FileChannel, writer: Writer, drawn: Drawn | None = None) -> int:
+    def number_of(
+        self, channel: FileChannel, writer: RecordWriter, drawn: Drawn | None = None
+    ) -> int:
         """Return the channel's number; a new one is declared, with the schema of what is drawn."""
         if channel not in self._channels:
             marks = channel.marks
@@ -59,7 +61,7 @@ class Declarations:
             _tell(declared, writer)
         return self._channels[channel]
 
-    def declare_again(self, writer: Writer) -> None:
+    def declare_again(self, writer: RecordWriter) -> None:
         """Have a writer that goes on with the file declare everything once more."""
         for schema in self.declared.schemas.values():
             writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -68,12 +70,12 @@ class Declarations:
                 channel.topic, channel.message_encoding, channel.schema_id, channel.metadata
             )
 
-    def tell_again(self, writer: Writer, *, beyond: int) -> None:
+    def tell_again(self, writer: RecordWriter, *, beyond: int) -> None:
         """Tell once more of the channels after the first ``beyond``: that was not safe yet."""
         for number in range(beyond + 1, self.count + 1):
             _tell(self.declared.channels[number], writer)
 
-    def _schema_id(self, name: str, writer: Writer, drawn: Drawn | None) -> int:
+    def _schema_id(self, name: str, writer: RecordWriter, drawn: Drawn | None) -> int:
         if name not in self._schemas:
             data = json_schema(MESSAGES[name]) if drawn is None else drawn.schema_data
             number = writer.register_schema(name, SchemaEncoding.JSONSchema, data)
@@ -82,7 +84,7 @@ class Declarations:
         return self._schemas[name]
 
 
-def _tell(channel: Channel, writer: Writer) -> None:
+def _tell(channel: Channel, writer: RecordWriter) -> None:
     """Name a channel outside of all chunks, so that it is known without unpacking one."""
     writer.add_metadata(
         CHANNEL, {"id": str(channel.id), "topic": channel.topic, **channel.metadata}

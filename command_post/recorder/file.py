@@ -20,15 +20,16 @@ from typing import Literal, TypeAlias
 
 import msgspec
 import structlog
-from mcap.writer import Writer
 
+from command_post.known_keys import KnownKeys
 from command_post.recorder.channels import FileChannel
 from command_post.recorder.declarations import Declarations
 from command_post.recorder.differences import differences
 from command_post.recorder.last_bytes import LastBytes
-from command_post.recorder.layout import Declared, WholePart, ending, whole_part
+from command_post.recorder.layout import Declared, WholePart, ending_of, whole_part
 from command_post.recorder.mirror import Mirror
-from shared.codec import Refusal, decode, parse_key
+from command_post.recorder.writer import RecordWriter
+from shared.codec import Refusal, decode
 from shared.files import is_at, replace_atomically, sync_folder
 from shared.mcap_reader import (
     ABOUT,
@@ -43,9 +44,6 @@ from shared.mcap_records import MAGIC
 from shared.messages import Message
 from shared.recording_parts import CONTINUED, PART, Link, unfinished_path
 from shared.topics import TOPICS, WIRE_VERSION
-
-CHUNK_BYTES = 1 << 18
-"""A chunk is closed when it holds this much, so that rare topics are quick to read."""
 
 MAX_PAYLOAD_BYTES = 1 << 20
 """What is kept of one message; far more than the codec accepts, so replay refuses it as well."""
@@ -106,6 +104,7 @@ class RecordingFile:
         self._link = link
         self._metadata = metadata
         self._last_bytes = LastBytes()
+        self._keys = KnownKeys()
         self._is_cut = False
         self._messages = self._synced_messages = 0
         if path.exists() and not replace:
@@ -113,7 +112,7 @@ class RecordingFile:
         whole = self._to_be_resumed() if resume else None
         mode: _Mode = "r+b" if whole is not None else "w+b" if replace or resume else "x+b"
         self._stream = self._opened(mode)
-        self._writer = self._new_writer()
+        self._writer = RecordWriter(self._stream)
         try:
             if whole is None:
                 self._begin()
@@ -162,7 +161,7 @@ class RecordingFile:
 
     def _begin(self) -> None:
         software = {"software_version": version("clew"), "wire_version": WIRE_VERSION}
-        self._writer.start(library=f"clew {version('clew')}")
+        self._writer.start(f"clew {version('clew')}")
         self._writer.add_metadata(ABOUT, {**self._metadata, **software})
         if self._link is not None:
             self._writer.add_metadata(PART, self._link().as_metadata())
@@ -185,12 +184,9 @@ class RecordingFile:
         """Cut the file off there, and have what follows declare all channels once more."""
         self._stream.truncate(end_bytes)
         self._stream.seek(end_bytes)
-        self._writer = self._new_writer()
+        self._writer = RecordWriter(self._stream)
         self._declarations.declare_again(self._writer)
         self.is_resumed = True
-
-    def _new_writer(self) -> Writer:
-        return Writer(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
 
     def mend(self) -> int:
         """Go on, after an ``OSError``, behind what was synced last.
@@ -213,7 +209,7 @@ class RecordingFile:
         if not aside.exists():
             self.part.replace(aside)
         self._stream = self.part.open("w+b")
-        self._writer = self._new_writer()
+        self._writer = RecordWriter(self._stream)
         self._declarations = Declarations(Declared())
         self.is_resumed, gone = False, self._synced_messages
         self._last_bytes = LastBytes()
@@ -233,7 +229,7 @@ class RecordingFile:
         It is passed over if its topic is one that is not to be recorded. Whatever is not taken
         raises.
         """
-        parsed = parse_key(key)
+        parsed = self._keys.parsed(key)
         if not isinstance(parsed, Refusal) and not TOPICS[parsed.topic].recorded:
             return True
         message = parsed if isinstance(parsed, Refusal) else decode(parsed, payload)
@@ -306,12 +302,10 @@ class RecordingFile:
         if self._mirror is not None:
             self._write_drawn(self._mirror)
         self.sync()
-        if self.is_resumed:
-            # The library knows of what it has written itself since.
-            self._writer.flush()
-            self._stream.write(ending(self.part, self._declarations.declared))
-        else:
-            self._writer.finish()
+        declared = self._declarations.declared
+        # The writer knows of what it has written itself.
+        told = ending_of(self.part, declared) if self.is_resumed else self._writer.ending(declared)
+        self._stream.write(told)
         self._stream.flush()
         os.fsync(self._stream.fileno())
         self._stream.close()

@@ -1,7 +1,7 @@
 """How a recording is laid out in its file: what an interrupted one has that is whole, and its end.
 
-The MCAP library writes a file from its beginning to its end. One that was broken off is gone on
-with behind its last whole chunk, and given the ending the library would have given it.
+A file is written from its beginning to its end. One that was broken off is gone on with behind its
+last whole chunk. Every one is given the ending that the MCAP library would have given it.
 
 Format: the MCAP specification, https://mcap.dev/spec.
 """
@@ -82,7 +82,7 @@ class WholePart(NamedTuple):
     follows: dict[str, str] | None
 
 
-class _Block(NamedTuple):
+class Block(NamedTuple):
     """A chunk, without its data, and the message indexes behind it.
 
     ``messages`` is how many of each channel, ``index_bytes`` where the index of each stands.
@@ -97,12 +97,15 @@ class _Block(NamedTuple):
     index_bytes: dict[int, int]
 
 
-class _Layout(NamedTuple):
-    """``tells_channels`` are the blocks that declare channels no block before them does."""
+class Layout(NamedTuple):
+    """What stands in a file: its blocks, and its metadata with where that stands.
 
-    blocks: list[_Block]
+    ``tells_channels`` are the blocks that declare channels no block before them does.
+    """
+
+    blocks: list[Block]
     metadata: list[tuple[Metadata, Placed]]
-    tells_channels: list[_Block]
+    tells_channels: list[Block]
 
 
 def whole_part(path: Path) -> WholePart:
@@ -136,8 +139,8 @@ def whole_part(path: Path) -> WholePart:
     )
 
 
-def _layout(records: Iterable[Placed]) -> _Layout:
-    layout = _Layout([], [], [])
+def _layout(records: Iterable[Placed]) -> Layout:
+    layout = Layout([], [], [])
     blocks = layout.blocks
     has_news = False
     for placed in records:
@@ -145,7 +148,7 @@ def _layout(records: Iterable[Placed]) -> _Layout:
         if isinstance(record, Chunk):
             header = replace(record, data=b"")
             size = len(record.data)
-            blocks.append(_Block(header, size, begin_bytes, end_bytes, end_bytes, {}, {}))
+            blocks.append(Block(header, size, begin_bytes, end_bytes, end_bytes, {}, {}))
             layout.tells_channels.extend(blocks[-1:] if has_news else ())
             has_news = False
         elif isinstance(record, Metadata):
@@ -158,14 +161,14 @@ def _layout(records: Iterable[Placed]) -> _Layout:
     return layout
 
 
-def _content(scan: RecordScan, block: _Block) -> list[McapRecord] | None:
+def _content(scan: RecordScan, block: Block) -> list[McapRecord] | None:
     placed = next(scan.placed(block.begin_bytes))
     if not isinstance(placed.record, Chunk):
         raise TypeError(f"no chunk at {block.begin_bytes}, where one was")
     return scan.content(placed.record, placed.begin_bytes, placed.end_bytes)
 
 
-def _end_bytes(layout: _Layout) -> int:
+def _end_bytes(layout: Layout) -> int:
     """Return where the last block ends, or else what says what the recording is about."""
     if layout.blocks:
         return layout.blocks[-1].end_bytes
@@ -181,15 +184,19 @@ def _declare(declared: Declared, content: Iterable[McapRecord] | None) -> None:
             declared.channels.setdefault(record.id, record)
 
 
-def ending(path: Path, declared: Declared) -> bytes:
+def ending_of(path: Path, declared: Declared) -> bytes:
     """Return what is to follow the data in the file at ``path``, as the library would write it.
 
     Raises ``RecordingError`` if the file cannot be read.
     """
     with mapped(path) as data:
         layout = _layout(RecordScan(data).placed())
-        size = len(data)
-        data_end = _bytes_of([DataEnd(sum_of(data, size))])
+        return ending(layout, len(data), sum_of(data, len(data)), declared)
+
+
+def ending(layout: Layout, size: int, checksum: int, declared: Declared) -> bytes:
+    """Return what is to follow data of that layout, size in bytes and checksum."""
+    data_end = _bytes_of([DataEnd(checksum)])
     start = size + len(data_end)
     groups: list[tuple[Opcode, Sequence[McapRecord]]] = [
         (Opcode.SCHEMA, list(declared.schemas.values())),
@@ -211,7 +218,7 @@ def ending(path: Path, declared: Declared) -> bytes:
     return data_end + summary + _bytes_of([footer]) + MAGIC
 
 
-def _statistics(layout: _Layout, declared: Declared) -> Statistics:
+def _statistics(layout: Layout, declared: Declared) -> Statistics:
     counts: Counter[int] = Counter()
     for block in layout.blocks:
         counts.update(block.messages)
@@ -230,7 +237,7 @@ def _statistics(layout: _Layout, declared: Declared) -> Statistics:
     )
 
 
-def _chunk_index(block: _Block) -> ChunkIndex:
+def _chunk_index(block: Block) -> ChunkIndex:
     return ChunkIndex(
         chunk_length=block.chunk_end_bytes - block.begin_bytes,
         chunk_start_offset=block.begin_bytes,

@@ -18,6 +18,7 @@ from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import Held
 from command_post.fusion.team.suspicions import Suspicion
 from command_post.fusion.team.team_tracker import TeamTracker
+from command_post.fusion.team.way_since import Ways
 from shared.messages import OdometryIncrement, RssiPeak
 from shared.units import NS_PER_S
 from tests.patrol_world import Faults, patrol
@@ -163,7 +164,8 @@ def test_an_estimate_is_dated_on_the_clock_of_the_post() -> None:
     own, settings = log.responders["r2"], TeamSettings()
     pose = first_pose(own, settings)._replace(ahead_ns=2 * NS_PER_S)
     for now_s, told_s in ((0.0, 8.0), (9.0, 9.0)):
-        told = estimate_of(pose, own, at_ns(now_s), np.empty(0), settings)
+        since = Ways(settings).of("r1", own.moves, pose.time_ns)
+        told = estimate_of(pose, since, own, at_ns(now_s), (), settings)
         assert told.time_ns == at_ns(told_s)
 
 

@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 
 from command_post.recorder.file import RecorderError, RecordingFile
-from command_post.recorder.layout import ending, whole_part
+from command_post.recorder.layout import ending_of, whole_part
 from shared.mcap_reader import RecordedMessage, read_recording
 from tests.traffic import Sent, traffic
 
@@ -85,7 +85,7 @@ def test_its_ending_is_what_the_library_writes(tmp_path: Path) -> None:
     file.mark_end(9)
     file.sync()
     unfinished = file.part.read_bytes()
-    made = ending(file.part, whole_part(file.part).declared)
+    made = ending_of(file.part, whole_part(file.part).declared)
     file.finish()
     assert path.read_bytes() == unfinished + made
 
@@ -93,7 +93,7 @@ def test_its_ending_is_what_the_library_writes(tmp_path: Path) -> None:
 def test_an_empty_one_ends_as_the_library_ends_it(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     file = RecordingFile(path, ABOUT)
-    made = file.part.read_bytes() + ending(file.part, whole_part(file.part).declared)
+    made = file.part.read_bytes() + ending_of(file.part, whole_part(file.part).declared)
     file.finish()
     assert path.read_bytes() == made
 

@@ -72,7 +72,7 @@ def test_storeys_are_where_people_walk() -> None:
     down_m = np.concatenate([np.full(40, 0.1), np.full(30, -3.1), np.linspace(0.0, -3.0, 8)])
     found = storeys(down_m, np.full(len(down_m), 1.0))
     assert found == pytest.approx([-3.1, 0.1], abs=0.2)
-    (level_m, share), other = storey_shares(-2.6, 0.6, found)
+    (level_m, share), other = storey_shares(-2.6, 0.6, found.tolist())
     assert level_m == pytest.approx(-3.1, abs=0.2)
     assert share + other[1] == pytest.approx(1.0)
     assert 0.8 < share < 1.0
@@ -80,4 +80,4 @@ def test_storeys_are_where_people_walk() -> None:
 
 def test_who_has_not_walked_has_no_storey() -> None:
     assert storeys(np.empty(0), np.empty(0)).size == 0
-    assert storey_shares(0.0, 1.0, np.empty(0)) == []
+    assert storey_shares(0.0, 1.0, ()) == []

@@ -278,6 +278,9 @@ def daps_of_earlier(bonds: Bonds, crews: Crews, crew: Crew, until_ns: int) -> li
     """
     if crew.is_everybody:
         return []
-    earlier = {each.leader for each in crews.crews if each.rank < crew.rank}
-    passed = bonds.daps_passed(crew, until_ns)
-    return sorted(dap_id for dap_id in passed if crews.owner.get(dap_id) in earlier)
+    owner = {dap_id: crews.owner.get(dap_id) for dap_id in bonds.daps_passed(crew, until_ns)}
+    owners = set(owner.values())
+    earlier = {
+        each.leader for each in crews.crews if each.leader in owners and each.rank < crew.rank
+    }
+    return sorted(dap_id for dap_id, leader in owner.items() if leader in earlier)

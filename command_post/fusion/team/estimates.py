@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from command_post.fusion.team.arithmetic import rotated
 from command_post.fusion.team.height_assembly import Heights
 from command_post.fusion.team.heights import storey_shares
 from command_post.fusion.team.log import END_OF_TIME_NS, ResponderLog
-from command_post.fusion.team.move_log import DOWN, DOWN_M2, EAST, NORTH, Floats, Moves
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.silences import is_silent, unheard_m
 from command_post.fusion.team.solving import Solved
-from command_post.fusion.team.unseen import BEFORE, Unseen, unseen_before
+from command_post.fusion.team.way_since import WaySince
 from command_post.fusion.track import MOST_COORDINATE_M, Estimate, told_covariance, within
 from shared.maths.angles import wrap_rad
 from shared.messages import FloorShare, TrackStatus
@@ -96,24 +96,21 @@ def first_pose(log: ResponderLog, settings: TeamSettings) -> Pose:
 
 
 def estimate_of(
-    pose: Pose, log: ResponderLog, now_ns: int, storeys_m: Floats, settings: TeamSettings
-) -> Estimate:
-    """Return where a responder is, from the last tick's pose and the moves since.
+    pose: Pose, since: WaySince, log: ResponderLog, now_ns: int, storeys_m: Sequence[float],
+    settings: TeamSettings,
+) -> Estimate:  # fmt: skip
+    """Return where a responder is, from the last tick's pose and the way ``since``.
 
     Nobody knows where one went of whom nothing has been heard: what they may have walked in the
     time until ``now_ns`` is in the covariance.
     """
-    since = log.moves.after(pose.time_ns)
-    every = log.moves.after(pose.time_ns, BEFORE)
-    unseen = unseen_before(every, settings).last(since.end_ns.size)
-    dn, de = _way_since(pose, since, unseen)
-    time_ns = int(since.end_ns[-1]) if since.end_ns.size else pose.time_ns
+    dn, de = _moved(pose, since)
+    time_ns = since.end_ns
     silent_s = max(now_ns - max(time_ns - pose.ahead_ns, log.heard_ns), 0) / NS_PER_S
     unheard_m2 = unheard_m(silent_s, log, settings) ** 2
-    nn, ne, ee, turn_rad2 = _covariance(pose, since, unseen, (dn, de), unheard_m2, settings)
-    down_m = pose.down[0] + math.fsum((since.values[:, DOWN] + unseen.way_m[:, 2]).tolist())
-    climbed_m2 = (since.values[:, DOWN_M2] + unseen.down_m2).tolist()
-    down_m2 = pose.down[1] + max(math.fsum(climbed_m2), 0.0)
+    nn, ne, ee, turn_rad2 = _covariance(pose, since, (dn, de), unheard_m2, settings)
+    down_m = pose.down[0] + math.fsum(since.down_m)
+    down_m2 = pose.down[1] + max(math.fsum(since.down_m2), 0.0)
     down_sd_m = math.sqrt(max(down_m2, 0.0))
     status, reason = _status(pose, time_ns, (nn, ne, ee), turn_rad2, settings)
     if is_silent(silent_s, log, settings):
@@ -140,14 +137,15 @@ def estimate_of(
     )
 
 
-def _way_since(pose: Pose, since: Moves, unseen: Unseen) -> tuple[float, float]:
-    way_m = since.values[:, [NORTH, EAST]] + unseen.way_m[:, :2]
-    north, east = ((1.0 + pose.scale) * math.fsum(axis) for axis in way_m.T.tolist())
-    return rotated(pose.turn_rad, north, east)
+def _moved(pose: Pose, since: WaySince) -> tuple[float, float]:
+    longer = 1.0 + pose.scale
+    return rotated(
+        pose.turn_rad, longer * math.fsum(since.north_m), longer * math.fsum(since.east_m)
+    )
 
 
 def _covariance(
-    pose: Pose, since: Moves, unseen: Unseen, way_m: tuple[float, float], unheard_m2: float,
+    pose: Pose, since: WaySince, way_m: tuple[float, float], unheard_m2: float,
     settings: TeamSettings,
 ) -> tuple[float, float, float, float]:  # fmt: skip
     """Return nn, ne, ee and the turn's variance at the end of the way since the pose.
@@ -161,17 +159,10 @@ def _covariance(
     tt = min(max(tt, 0.0), UNIFORM_TURN_RAD2)
     from_n, from_e = (dn + et / tt, de - nt / tt) if tt > 0.0 else way_m
     back = bent_back(tt)
-    own_m2 = (
-        unheard_m2
-        + math.fsum(unseen.place_m2.tolist())
-        + math.fsum(
-            (settings.stride_sd_m + settings.stride_sd_share * math.sqrt(n * n + e * e)) ** 2
-            for n, e in since.values[:, [NORTH, EAST]].tolist()
-        )
-    )
+    own_m2 = unheard_m2 + math.fsum(since.place_m2) + math.fsum(since.own_m2)
     factor = settings.covariance_factor
-    turn_rad2 = tt + since.end_ns.size * settings.stride_turn_sd_rad**2
-    turn_rad2 += math.fsum(unseen.turn_rad2.tolist())
+    turn_rad2 = tt + since.count * settings.stride_turn_sd_rad**2
+    turn_rad2 += math.fsum(since.turn_rad2)
     return (
         factor * (nn - 2.0 * de * nt + de * de * tt + own_m2 + back * from_n * from_n),
         factor * (ne + dn * nt - de * et - dn * de * tt + back * from_n * from_e),

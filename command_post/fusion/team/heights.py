@@ -246,17 +246,19 @@ def with_known(levels_m: Sequence[float], known_m: Sequence[float]) -> list[floa
     return sorted([*levels_m, *others])
 
 
-def storey_shares(down_m: float, sd_m: float, levels_m: Floats) -> list[tuple[float, float]]:
+def storey_shares(
+    down_m: float, sd_m: float, levels_m: Sequence[float]
+) -> list[tuple[float, float]]:
     """Return each storey and the probability of being on it, likeliest first.
 
     The normal density of the height, cut half-way between neighbouring storeys.
     """
-    if not levels_m.size:
+    if not levels_m:
         return []
-    cuts = [-math.inf, *((levels_m[1:] + levels_m[:-1]) / 2.0).tolist(), math.inf]
+    cuts = [-math.inf, *((high + low) / 2.0 for low, high in pairwise(levels_m)), math.inf]
     below = [_normal((cut - down_m) / max(sd_m, 1e-3)) for cut in cuts]
     shares = [high - low for low, high in pairwise(below)]
-    return sorted(zip(levels_m.tolist(), shares, strict=True), key=lambda each: (-each[1], each[0]))
+    return sorted(zip(levels_m, shares, strict=True), key=lambda each: (-each[1], each[0]))
 
 
 def _normal(deviations: float) -> float:

@@ -157,9 +157,12 @@ class TeamLog:
 
         DAPs name whom they hear, and a false one could name anybody.
         """
-        if responder_id not in self.responders and len(self.responders) >= MOST_RESPONDERS:
-            return ResponderLog()
-        return self.responders.setdefault(responder_id, ResponderLog())
+        log = self.responders.get(responder_id)
+        if log is None:
+            log = ResponderLog()
+            if len(self.responders) < MOST_RESPONDERS:
+                self.responders[responder_id] = log
+        return log
 
     def add_start(self, responder_id: str, said: TrackStart) -> bool:
         """A unit begins."""

@@ -52,6 +52,11 @@ class MoveLog:
         """So many of the first packed ones are not of this log."""
 
         self._count = 0
+        self._newest = (-1, -1)
+        """When the last move ended, and its number."""
+
+        self.order = object()
+        """Another one as soon as a move is put before others, or the first are dropped."""
 
     def __len__(self) -> int:
         return self._count
@@ -71,6 +76,7 @@ class MoveLog:
         self._messages = msgspec.msgpack.decode(messages, type=list[OdometryIncrement])
         self._skipped = skipped
         self._count = len(times)
+        self._newest = self._mark(self._count - 1)
 
     def add(self, increment: OdometryIncrement) -> bool:
         """Take it in; ``False`` if it was here before."""
@@ -79,12 +85,14 @@ class MoveLog:
             self._values = np.concatenate([self._values, np.empty_like(self._values)])
         mark = (increment.event_time_ns, increment.sequence)
         at = self._count
-        while at and (int(self._times[at - 1, 0]), int(self._times[at - 1, 2])) > mark:
-            at -= 1
-        if at and (int(self._times[at - 1, 0]), int(self._times[at - 1, 2])) == mark:
-            return False
-        for table in (self._times, self._values):
-            table[at + 1 : self._count + 1] = table[at : self._count].copy()
+        if mark <= self._newest:
+            while at and self._mark(at - 1) > mark:
+                at -= 1
+            if at and self._mark(at - 1) == mark:
+                return False
+            self._make_room(at)
+        else:
+            self._newest = mark
         self._insert(at, increment)
         self._times[at] = increment.event_time_ns, increment.start_time_ns, increment.sequence
         nn, ee, dd, hh = (increment.covariance[entry] for entry in (0, 4, 7, 9))
@@ -94,6 +102,16 @@ class MoveLog:
         )  # fmt: skip
         self._count += 1
         return True
+
+    def _mark(self, at: int) -> tuple[int, int]:
+        """Return when a move ended, and its number."""
+        end_ns, _, number = self._times[at].tolist() if at >= 0 else (-1, -1, -1)
+        return end_ns, number
+
+    def _make_room(self, at: int) -> None:
+        for table in (self._times, self._values):
+            table[at + 1 : self._count + 1] = table[at : self._count].copy()
+        self.order = object()
 
     def _insert(self, at: int, increment: OdometryIncrement) -> None:
         """Put a message at its place, those behind it being unpacked for that."""
@@ -125,21 +143,21 @@ class MoveLog:
 
     def until(self, time_ns: int) -> Moves:
         """Return the moves that ended by ``time_ns``, without copying them."""
-        count = int(np.searchsorted(self._times[: self._count, 0], time_ns, side="right"))
+        count = self.count_until(time_ns)
         end_ns, start_ns, sequence = self._times[:count].T
         return Moves(end_ns, start_ns, sequence, self._values[:count])
 
     def messages_until(self, time_ns: int) -> list[OdometryIncrement]:
         """Return the moves that ended by ``time_ns`` as they were told."""
-        return self._told_since(0)[: self.until(time_ns).end_ns.size]
+        return self._told_since(0)[: self.count_until(time_ns)]
 
     def messages_after(self, time_ns: int) -> list[OdometryIncrement]:
         """Return the moves that ended after ``time_ns`` as they were told."""
-        return self._told_since(self.until(time_ns).end_ns.size)
+        return self._told_since(self.count_until(time_ns))
 
     def later_than(self, time_ns: int) -> MoveLog:
         """Return the log of the moves that ended after ``time_ns``, to be read only."""
-        first = self.until(time_ns).end_ns.size
+        first = self.count_until(time_ns)
         later = MoveLog()
         later._times = self._times[first : self._count]
         later._values = self._values[first : self._count]
@@ -148,24 +166,27 @@ class MoveLog:
         later._skipped = first + self._skipped - packed * BLOCK
         later._messages = self._messages.copy()
         later._count = self._count - first
+        later._newest = self._newest if later._count else later._newest
         return later
 
     def forget(self, time_ns: int) -> None:
         """Drop moves that ended by ``time_ns``: as many whole blocks as are packed, the first."""
-        blocks = min(self.until(time_ns).end_ns.size // BLOCK, len(self._packed))
+        blocks = min(self.count_until(time_ns) // BLOCK, len(self._packed))
         if blocks:
             first = blocks * BLOCK
             self._times = self._times[first : self._count].copy()
             self._values = self._values[first : self._count].copy()
             del self._packed[:blocks]
             self._count -= first
+            self.order = object()
 
-    def after(self, time_ns: int, before: int = 0) -> Moves:
-        """Return the moves that ended after ``time_ns``, and as many ``before`` as there are."""
-        first = int(np.searchsorted(self._times[: self._count, 0], time_ns, side="right"))
-        first = max(first - before, 0)
-        end_ns, start_ns, sequence = self._times[first : self._count].T
-        return Moves(end_ns, start_ns, sequence, self._values[first : self._count])
+    def count_until(self, time_ns: int) -> int:
+        """Return how many moves ended by ``time_ns``."""
+        return int(self._times[: self._count, 0].searchsorted(time_ns, side="right"))
+
+    def rows(self, first: int, end: int) -> tuple[list[list[int]], list[list[float]]]:
+        """Return some moves' ends, starts and numbers, and their values (see ``Moves``)."""
+        return self._times[first:end].tolist(), self._values[first:end].tolist()
 
 
 def _pack(messages: list[OdometryIncrement]) -> bytes:

@@ -12,8 +12,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-import numpy as np
-
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards, Changes, Doubt, SmoothedTrack, WayTold
 from command_post.fusion.team.agenda import Agenda
@@ -35,7 +33,6 @@ from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
 from command_post.fusion.team.making import Fresh
-from command_post.fusion.team.move_log import Floats
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.silences import Silences
 from command_post.fusion.team.smoothed import smoothed_tracks
@@ -43,6 +40,7 @@ from command_post.fusion.team.solution import NOTHING, Solution, concerning
 from command_post.fusion.team.solving import commit, solve
 from command_post.fusion.team.standing_doubts import StandingDoubts
 from command_post.fusion.team.suspicions import clocks_ahead_ns, supposed
+from command_post.fusion.team.way_since import Ways
 from command_post.fusion.team.whole_turns import with_turns
 from command_post.fusion.track import Estimate
 from shared.messages import (
@@ -80,8 +78,9 @@ class TeamTracker:
         self._poses: dict[str, Pose] = {}
         self._kept_ns: dict[str, int] = {}
         self._fronts = Fronts()
-        self._storeys_m = np.empty(0)
-        self._storeys_of: dict[str, Floats] = {}
+        self._ways = Ways(settings)
+        self._storeys_m: tuple[float, ...] = ()
+        self._storeys_of: dict[str, tuple[float, ...]] = {}
         self._estimates: dict[str, Estimate] = {}
         self._silences = Silences(settings)
         self._time_ns = 0
@@ -373,7 +372,7 @@ class TeamTracker:
     def _keep(self, crew: Crew, fresh: Fresh, before: Solution) -> None:
         time_ns, log, solved, heights = fresh
         if before is not NOTHING:
-            self._storeys_m = np.array(before.storeys_m)
+            self._storeys_m = before.storeys_m
             self._doubts.keep(crew, doubts_of(before.held))
         ahead_ns = clocks_ahead_ns(before.suspicions)
         for index, chain in enumerate(solved.assembled.chains):
@@ -418,5 +417,6 @@ class TeamTracker:
         log = self._log.responders[responder_id]
         pose = self._poses.get(responder_id) or first_pose(log, self._settings)
         storeys_m = self._storeys_of.get(responder_id, self._storeys_m)
-        estimate = estimate_of(pose, log, now_ns, storeys_m, self._settings)
+        since = self._ways.of(responder_id, log.moves, pose.time_ns)
+        estimate = estimate_of(pose, since, log, now_ns, storeys_m, self._settings)
         return self._fronts.told(estimate, log, pose.time_ns, responder_id, self._settings)

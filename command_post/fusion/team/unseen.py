@@ -72,6 +72,41 @@ def unseen_before(moves: Moves, settings: TeamSettings) -> Unseen:
     return found
 
 
+def walked_unseen(
+    lost: int, took_ns: int, took_before_ns: int, rest_ns: int, rest_before_ns: int,
+    rest_earlier_ns: int,
+) -> int:  # fmt: skip
+    """Return how many strides straight on the time missing before a move stands for.
+
+    It and the one before took so long; the rests are before it, before that one, and before the one
+    before that.
+    """
+    # A unit that tells of the swing of a foot alone rests between any two.
+    usual_ns = max(min(rest_before_ns, rest_earlier_ns), 0)
+    stride_ns = 0.5 * (took_ns + took_before_ns) + usual_ns
+    most = max(lost, 1)
+    off_ns = abs(rest_ns - usual_ns - most * stride_ns)
+    return most if most <= MOST_STRAIGHT and off_ns <= ALIKE * most * stride_ns else 0
+
+
+def variances(
+    lost: int, walked: int, square_m2: float, share: float, lost_stride_m: float,
+    lost_climb_m: float, lost_turn_rad2: float, unseen_turn_rad2: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return the variances of place, turn and height of what was ``lost`` or ``walked``.
+
+    ``square_m2`` is the square of a stride beside it.
+    """
+    spread_m2 = (share * (1.0 - share) * walked**2 + SCATTER * walked) * square_m2
+    lost_m, climb_m = lost_stride_m * lost, lost_climb_m * max(lost, walked)
+    place_m2 = spread_m2 if walked else lost_m * lost_m
+    return place_m2, lost * lost_turn_rad2 + walked * unseen_turn_rad2, climb_m * climb_m
+
+
+_walked_unseen = compiled(walked_unseen)
+_variances = compiled(variances)
+
+
 @compiled
 def _suppose(
     moves: Moves, found: Unseen, share: float, lost_stride_m: float, lost_climb_m: float,
@@ -90,12 +125,11 @@ def _suppose(
             found.way_m[k, at] = supposed * beside_m
             if column != DOWN:
                 square_m2 += beside_m * beside_m
-        spread_m2 = (share * (1.0 - share) * walked**2 + SCATTER * walked) * square_m2
-        lost_m, climb_m = lost_stride_m * lost, lost_climb_m * max(lost, walked)
         found.since_ns[k] = moves.end_ns[k - 1] if walked else moves.start_ns[k]
-        found.place_m2[k] = spread_m2 if walked else lost_m * lost_m
-        found.turn_rad2[k] = lost * lost_turn_rad2 + walked * unseen_turn_rad2
-        found.down_m2[k] = climb_m * climb_m
+        found.place_m2[k], found.turn_rad2[k], found.down_m2[k] = _variances(
+            lost, walked, square_m2, share, lost_stride_m, lost_climb_m, lost_turn_rad2,
+            unseen_turn_rad2,
+        )  # fmt: skip
 
 
 @compiled
@@ -104,14 +138,10 @@ def _walked(moves: Moves, k: int, lost: int) -> int:
     # Nothing is missing where a unit begins anew.
     if k < BEFORE or moves.sequence[k] <= moves.sequence[k - 1]:
         return 0
-    took_ns = moves.end_ns[k] - moves.start_ns[k]
-    before_ns = moves.end_ns[k - 1] - moves.start_ns[k - 1]
-    # A unit that tells of the swing of a foot alone rests between any two.
-    usual_ns = max(min(_rest_ns(moves, k - 1), _rest_ns(moves, max(k - 2, 1))), 0)
-    stride_ns = 0.5 * (took_ns + before_ns) + usual_ns
-    most = max(lost, 1)
-    off_ns = abs(_rest_ns(moves, k) - usual_ns - most * stride_ns)
-    return most if most <= MOST_STRAIGHT and off_ns <= ALIKE * most * stride_ns else 0
+    return _walked_unseen(
+        lost, moves.end_ns[k] - moves.start_ns[k], moves.end_ns[k - 1] - moves.start_ns[k - 1],
+        _rest_ns(moves, k), _rest_ns(moves, k - 1), _rest_ns(moves, max(k - 2, 1)),
+    )  # fmt: skip
 
 
 @compiled
