@@ -49,7 +49,9 @@ def solved_crew(
     solved = solve(supposed(log, before.suspicions), time_ns, before, settings)
     if solved is None or not solved.is_sound:
         return None
-    solved = with_likeliest_quarter(likeliest(solved, settings), settings)
+    solved = likeliest(solved, settings)
+    if crew.is_everybody:
+        solved = with_likeliest_quarter(solved, settings)
     solved, held, examined = examine(
         log, time_ns, solved, before, settings, of_crowd=not crew.is_everybody
     )
@@ -64,5 +66,6 @@ def solved_crew(
             levels_m = with_known(levels_m, before.storeys_m)
         solution = solution._replace(storeys_m=tuple(levels_m))
     solved = with_turns(solved, settings, settings.commit_iterations)
-    solved = with_other_ways(solved, settings, settings.commit_iterations)
+    if crew.is_everybody:
+        solved = with_other_ways(solved, settings, settings.commit_iterations)
     return solution, Fresh(time_ns, log, solved, heights)

@@ -245,7 +245,8 @@ class TeamTracker:
         if solved is None or not solved.is_sound:
             return {}, {}
         solved = with_turns(solved, self._settings, self._settings.commit_iterations)
-        solved = with_other_ways(solved, self._settings, self._settings.commit_iterations)
+        if crew.is_everybody:
+            solved = with_other_ways(solved, self._settings, self._settings.commit_iterations)
         heights = solve_heights(log, solved.assembled, latest, self._settings)
         ahead_ns = clocks_ahead_ns(before.suspicions)
         tracks = smoothed_tracks(solved, heights, ahead_ns, self._settings)
@@ -340,7 +341,8 @@ class TeamTracker:
             self.counts["unsolved"] += solved is not None
             return None
         solved = with_turns(solved, settings, settings.tick_iterations)
-        solved = with_other_ways(solved, settings, settings.tick_iterations)
+        if crew.is_everybody:
+            solved = with_other_ways(solved, settings, settings.tick_iterations)
         return Fresh(due_ns, log, solved, solve_heights(log, solved.assembled, due_ns, settings))
 
     def _keep(self, crew: Crew, fresh: Fresh, before: Solution) -> None:
