@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from command_post.fusion.team.graph import FIRST_UNIT, SCALE_DOF, Graph, with_columns
+from command_post.fusion.team.graph import (
+    FIRST_UNIT,
+    MOST_SCALE_SD,
+    SCALE_DOF,
+    Graph,
+    with_columns,
+)
 from command_post.fusion.team.marginals import ENDS_ONLY, EVERY_NODE, NO_COVARIANCE
 from command_post.fusion.team.residuals import cost_of
 from command_post.fusion.team.smoother import log_determinant, smooth
@@ -121,15 +127,24 @@ def test_of_what_nothing_else_tells_the_size_a_larger_map_is_as_good() -> None:
     larger[scales] = 1.2 * (1.0 + arrow[scales]) - 1.0
     larger[places:] *= 1.2
     of_ways = [
-        cost_of(knowing_nothing, a_pose, an_arrow) - cost_of_scales(an_arrow[scales] / 0.09)
+        cost_of(knowing_nothing, a_pose, an_arrow) - cost_of_scales(an_arrow[scales], 0.09)
         for a_pose, an_arrow in ((pose, arrow), (pose * [1.2, 1.2, 1.0], larger))
     ]
     assert of_ways[1] == pytest.approx(of_ways[0], rel=1e-9)
 
 
-def cost_of_scales(normalised: Floats) -> float:
-    """Return what Student's t says against scales, in standard deviations."""
-    return float((SCALE_DOF + 1.0) * np.log1p(normalised**2 / SCALE_DOF).sum())
+def cost_of_scales(scales: Floats, sd: float) -> float:
+    """Return what Student's t and its bound say against scales."""
+    heavy = (SCALE_DOF + 1.0) * np.log1p((scales / sd) ** 2 / SCALE_DOF)
+    return float((heavy + (scales / MOST_SCALE_SD) ** 2).sum())
+
+
+def test_a_map_at_four_tenths_is_no_way_out() -> None:
+    graph, pose, arrow = random_graph(2)
+    smaller = arrow.copy()
+    smaller[FIRST_UNIT : FIRST_UNIT + 2 * UNITS : 2] = -0.6
+    nothing = graph._replace(move=graph.move[:0], tie=graph.tie[:0], tie_at=graph.tie_at[:0])
+    assert cost_of(nothing, pose, smaller) - cost_of(nothing, pose, arrow) > 40.0 * UNITS
 
 
 def test_equations_without_a_solution_cost_infinitely_much() -> None:

@@ -148,3 +148,19 @@ def invert_factorised(factor: Floats) -> Floats:
         for column in range(row):
             inverse[column, row] = inverse[row, column]
     return inverse
+
+
+def exponential(number: float) -> float:
+    """Return e to the power of ``number``, from -20 to 0 to 1e-12 of it; nought of what is less.
+
+    A thousandth part of it by its series, squared ten times over: a library's bits may differ.
+    """
+    if number < -20.0:
+        return 0.0
+    part = number / 1024.0
+    power = 1.0
+    for divisor in range(6, 0, -1):
+        power = 1.0 + part / divisor * power
+    for _ in range(10):
+        power *= power
+    return power

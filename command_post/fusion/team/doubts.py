@@ -26,6 +26,7 @@ from command_post.fusion.team.misfits import (
     best_split,
     by_key,
     passes_of,
+    scale_off,
     worst_bend,
 )
 from command_post.fusion.team.same_floor import by_floor
@@ -66,6 +67,9 @@ FEWEST_TO_ONE = 4
 And of so many scales, of nobody's who is alone: were most of them free, nothing would tell how
 large the map is, or how blunt radio is here.
 """
+
+LEAST_SCALE_OFF = 0.1
+"""By no less are strides too long or short beside others': else all of a map would be smaller."""
 
 TIMES_THE_REST = 3.0
 ASTRAY_AREA_M2 = 1500.0
@@ -279,6 +283,8 @@ def _best(
 
 def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: _Node) -> float:
     gain = without.cost - solved.cost
+    if suspicion.kind == "scale" and scale_off(solved, node.passes[0].chain) < LEAST_SCALE_OFF:
+        return 0.0
     if suspicion.kind == "astray":
         for each in node.passes:
             if each.dof and each.time_ns >= suspicion.since_ns:

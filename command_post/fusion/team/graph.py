@@ -84,6 +84,10 @@ TURN_DOF = 8.0
 SCALE_DOF = 4.0
 """Student's t for what is known of scales: most units are as told, one now and then is far off."""
 
+MOST_SCALE_SD = 0.12
+"""How far off that may be, Gaussian on top of the tail, or a map could shrink as a whole: the tail
+alone charges hardly more for all ways at four tenths than at nine."""
+
 LOOSE_SCALE_SD = 0.1
 """A unit whose scale is known no better is off in true metres, for its own may be anything."""
 

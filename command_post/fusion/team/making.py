@@ -11,6 +11,7 @@ from command_post.fusion.team.doubts import examine
 from command_post.fusion.team.height_assembly import Heights, solve_heights, walked_storeys
 from command_post.fusion.team.heights import with_known
 from command_post.fusion.team.log import Installed, TeamLog
+from command_post.fusion.team.quarters import with_likeliest_quarter, with_other_ways
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import Solution
 from command_post.fusion.team.solving import Solved, commit
@@ -49,6 +50,8 @@ def solved_crew(
     if solved is None or not solved.is_sound:
         return None
     solved = likeliest(solved, settings)
+    if crew.is_everybody:
+        solved = with_likeliest_quarter(solved, settings)
     solved, held, examined = examine(
         log, time_ns, solved, before, settings, of_crowd=not crew.is_everybody
     )
@@ -63,4 +66,6 @@ def solved_crew(
             levels_m = with_known(levels_m, before.storeys_m)
         solution = solution._replace(storeys_m=tuple(levels_m))
     solved = with_turns(solved, settings, settings.commit_iterations)
+    if crew.is_everybody:
+        solved = with_other_ways(solved, settings, settings.commit_iterations)
     return solution, Fresh(time_ns, log, solved, heights)

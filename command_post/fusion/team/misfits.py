@@ -63,6 +63,16 @@ def robust_cost(squared: float, dof: float, dimension: float) -> float:
     return (dof + dimension) * logarithm(1.0 + squared / dof) if dof else squared
 
 
+def scale_off(solved: Solved, own: int) -> float:
+    """Return by how much the scale of a chain's last unit is off the mean of the others'."""
+    scales = [
+        float(solved.arrow[solved.assembled.unit_column(index, int(chain.unit[-1]))])
+        for index, chain in enumerate(solved.assembled.chains)
+    ]
+    others = [*scales[:own], *scales[own + 1 :]] or [0.0]
+    return abs(scales[own] - math.fsum(others) / len(others))
+
+
 class Bend(NamedTuple):
     """A move that does not go as its unit said, by the time of its end, and what that costs."""
 

@@ -17,6 +17,7 @@ from command_post.fusion.team.graph import (
     FIRST_UNIT,
     LEAD,
     LOOSE_SCALE_SD,
+    MOST_SCALE_SD,
     PLACE_DOF,
     TURN_DOF,
     Graph,
@@ -299,6 +300,8 @@ def add_priors(graph: Graph, arrow: Floats, system: System) -> None:
         sd = graph.unit_sd[column - FIRST_UNIT]
         dof = unit_dof(column, sd)
         k = weight_of((arrow[column] / sd) ** 2, dof, 1.0) / (sd * sd)
+        if dof > 0.0:
+            k += 1.0 / MOST_SCALE_SD**2
         system.arrow[column, column] += k
         system.arrow_right[column] -= k * arrow[column]
     for place in range(graph.place.shape[0]):

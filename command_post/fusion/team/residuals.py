@@ -14,6 +14,7 @@ from command_post.fusion.team.graph import (
     FIRST_UNIT,
     LEAD,
     LOOSE_SCALE_SD,
+    MOST_SCALE_SD,
     PLACE_DOF,
     SCALE_DOF,
     TURN_DOF,
@@ -163,7 +164,10 @@ def _priors_cost(graph: Graph, arrow: Floats) -> float:
     places_from = arrow.size - 2 * graph.place.shape[0]
     for column in range(FIRST_UNIT, places_from):
         sd = graph.unit_sd[column - FIRST_UNIT]
-        total += _penalty((arrow[column] / sd) ** 2, unit_dof(column, sd), 1.0)
+        dof = unit_dof(column, sd)
+        total += _penalty((arrow[column] / sd) ** 2, dof, 1.0)
+        if dof > 0.0:
+            total += (arrow[column] / MOST_SCALE_SD) ** 2
     for place in range(graph.place.shape[0]):
         for axis in range(2):
             off_m = arrow[places_from + 2 * place + axis] - graph.place[place, axis]

@@ -18,6 +18,7 @@ from command_post.fusion.team.graph import (
     LARGEST_TURN_RAD,
     LEAD,
     LOOSE_SCALE_SD,
+    MOST_SCALE_SD,
     PLACE_DOF,
     SCALE_DOF,
     TURN_DOF,
@@ -154,6 +155,8 @@ def _priors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
     yield Factor(off[~is_heavy], derivative[~is_heavy], 0.0)
     for column in np.flatnonzero(is_heavy):
         yield Factor(off[[column]], derivative[[column]], SCALE_DOF)
+        wider = graph.unit_sd[column - FIRST_UNIT] / MOST_SCALE_SD
+        yield Factor(wider * off[[column]], wider * derivative[[column]], 0.0)
 
 
 def _turned(turn_rad: float, north: float, east: float) -> Floats:

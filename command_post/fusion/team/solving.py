@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from command_post.fusion.team.arithmetic import exponential
 from command_post.fusion.team.assembly import (
     ANY_AXIS_SD_RAD,
     NO_AXIS,
@@ -41,6 +42,9 @@ LEAST_NODES = 4
 FREE_AXIS_COST = 5.0
 NO_AXIS_COST = 4.0
 """How much less likely beforehand a building is that stands askew, or has no axis."""
+AXIS_WORTH = 4.0
+"""By so much an axis may be less likely than none, and is believed in. Where it is right somebody
+is near one place, else they are anywhere along an arc: none of its places is as likely as that."""
 FREE_AXIS_DENSITY_COST = 2.0 * math.log(HALF_PI) - math.log(2.0 * math.pi)
 """Of an axis that may be any, alike modulo a right angle, beside Gaussians without their 2π."""
 
@@ -241,13 +245,15 @@ def _with_axis(
         believing = found.assembled.believing(belief, settings)
         return _begun(believing, before, belief, settings, settings.commit_iterations)
 
-    def cost(tried: Solved) -> float:
+    def cost(tried: Solved, belief_cost: float) -> float:
         # Hysteresis: of two axes the one held so far has the better of a tie. Whether there is one
         # at all the evidence says alone: both too late, a wrong one and a right one cost metres.
         # Of who is alone it has to say so loudly: one drift of theirs turns all their legs.
         is_other = _is_other(tried.belief, before.belief, alone=len(found.assembled.chains) == 1)
-        return _belief_cost(tried, settings) + (settings.adopt_gain if is_other else 0.0)
+        worth = AXIS_WORTH if tried.belief.mode == "none" else 0.0
+        return belief_cost + worth + (settings.adopt_gain if is_other else 0.0)
 
+    found = found._replace(belief=found.belief._replace(rivals=()))
     unheld = under(NO_AXIS._replace(units=held))
     if not unheld.is_sound:
         return unheld
@@ -263,7 +269,40 @@ def _with_axis(
         if _may_be_planned(free, before.belief, settings):
             planned_rad = settings.planned_axis_rad or 0.0
             trials.insert(0, under(given._replace(axis_rad=planned_rad)))
-    return min(trials, key=cost)
+    costs = [_belief_cost(tried, settings) for tried in trials]
+    best, _ = min(zip(trials, costs, strict=True), key=lambda each: cost(*each))
+    if best.belief.mode == "none" and before.belief.mode != "none":
+        # One whose heading is held to the wrong right angle speaks against an axis as well.
+        anew = [_turned_to(unheld, tried.belief, settings) for tried in trials[:-1]]
+        trials, costs = [*anew, unheld], [*(_belief_cost(t, settings) for t in anew), costs[-1]]
+        best, _ = min(zip(trials, costs, strict=True), key=lambda each: cost(*each))
+    if best.belief.mode == "none":
+        return best
+    return best._replace(belief=best.belief._replace(rivals=_rivals(best, trials, costs)))
+
+
+def _rivals(
+    best: Solved, trials: list[Solved], costs: list[float]
+) -> tuple[tuple[str, float], ...]:
+    """Return how likely each belief is but the best: of an axis given the one that suits better."""
+    least = min(costs)
+    odds = [exponential(0.5 * (least - cost)) for cost in costs]
+    of_mode: dict[str, float] = {}
+    for tried, odd in zip(trials, odds, strict=True):
+        mode = tried.belief.mode
+        of_mode[mode] = max(of_mode.get(mode, 0.0), odd)
+    total = math.fsum(of_mode.values())
+    return tuple((m, odd / total) for m, odd in of_mode.items() if m != best.belief.mode)
+
+
+def _turned_to(unheld: Solved, belief: AxisBelief, settings: TeamSettings) -> Solved:
+    """Return the solution under a belief, begun where all were that were held to no axis."""
+    arrow = unheld.arrow.copy()
+    arrow[AXIS] = belief.axis_rad
+    return solved_from(
+        unheld.assembled.believing(belief, settings), unheld.pose.copy(), arrow, belief, settings,
+        settings.commit_iterations,
+    )  # fmt: skip
 
 
 def _is_other(one: AxisBelief, held: AxisBelief, *, alone: bool) -> bool:

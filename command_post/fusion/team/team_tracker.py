@@ -33,6 +33,7 @@ from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
 from command_post.fusion.team.making import Fresh
+from command_post.fusion.team.quarters import with_other_ways
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.silences import Silences
 from command_post.fusion.team.smoothed import smoothed_tracks
@@ -264,6 +265,8 @@ class TeamTracker:
         if solved is None or not solved.is_sound:
             return {}, {}
         solved = with_turns(solved, self._settings, self._settings.commit_iterations)
+        if crew.is_everybody:
+            solved = with_other_ways(solved, self._settings, self._settings.commit_iterations)
         heights = solve_heights(log, solved.assembled, latest, self._settings)
         ahead_ns = clocks_ahead_ns(before.suspicions)
         tracks = smoothed_tracks(solved, heights, ahead_ns, self._settings)
@@ -367,6 +370,8 @@ class TeamTracker:
             self.counts["unsolved"] += solved is not None
             return None
         solved = with_turns(solved, settings, settings.tick_iterations)
+        if crew.is_everybody:
+            solved = with_other_ways(solved, settings, settings.tick_iterations)
         return Fresh(due_ns, log, solved, solve_heights(log, solved.assembled, due_ns, settings))
 
     def _keep(self, crew: Crew, fresh: Fresh, before: Solution) -> None:

@@ -13,20 +13,25 @@ from command_post.fusion.team.move_log import Ints
 
 
 def unturned_groups(assembled: Assembled) -> list[tuple[int, ...]]:
-    """Return the chains, by index, of each group tied by places in common that knows no heading.
+    """Return the chains, by index, of each group tied by places in common that knows no heading."""
+    if all(turn_known(chain.starts[0]) for chain in assembled.chains):
+        return []
+    return [
+        group
+        for group in tied_groups(assembled)
+        if not any(turn_known(start) for i in group for start in assembled.chains[i].starts)
+    ]
+
+
+def tied_groups(assembled: Assembled) -> list[tuple[int, ...]]:
+    """Return the chains, by index, of each group tied by places in common.
 
     Places that are known beforehand tie nobody to others.
     """
-    if all(turn_known(chain.starts[0]) for chain in assembled.chains):
-        return []
     members: dict[int, list[int]] = {}
     for index, first in enumerate(_groups(assembled)):
         members.setdefault(first, []).append(index)
-    return [
-        tuple(each)
-        for each in members.values()
-        if not any(turn_known(start) for i in each for start in assembled.chains[i].starts)
-    ]
+    return [tuple(each) for each in members.values()]
 
 
 def _groups(assembled: Assembled) -> list[int]:

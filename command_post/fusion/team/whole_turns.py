@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from command_post.fusion.team.arithmetic import rotated
+from command_post.fusion.team.arithmetic import exponential, rotated
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.move_log import Floats
 from command_post.fusion.team.settings import TeamSettings
@@ -40,7 +40,7 @@ def with_turns(found: Solved, settings: TeamSettings, iterations: int) -> Solved
     for group in groups:
         turns = _turns(found, group, settings, iterations)
         if turns.ways:
-            found = _spread(found, turns)
+            found = spread_over(found, turns)
     return found
 
 
@@ -77,7 +77,7 @@ def _turns(found: Solved, group: tuple[int, ...], settings: TeamSettings, iterat
     row, node = gauge(found.assembled, group)
     tried = []
     for step in range(WAYS):
-        pose, arrow = _turned(found, group, node, wrap_rad(step * SPACING_RAD))
+        pose, arrow = turned_as_one(found, group, node, wrap_rad(step * SPACING_RAD))
         told = turned_to(found.assembled, row, float(pose[node, 2]), GAUGE_SD_RAD)
         tried.append(solved_from(told, pose, arrow, found.belief, settings, iterations))
     tried = [way for way in tried if way.is_sound]
@@ -87,29 +87,13 @@ def _turns(found: Solved, group: tuple[int, ...], settings: TeamSettings, iterat
     first = tried[0]
     if first.cost > least + settings.adopt_gain:
         first = next(way for way in tried if way.cost == least)
-    odds = [_exponential(0.5 * (least - way.cost)) for way in tried]
+    odds = [exponential(0.5 * (least - way.cost)) for way in tried]
     total = math.fsum(each for each in odds if each >= LEAST_SHARE)
     ways = [(each / total, w) for each, w in zip(odds, tried, strict=True) if each >= LEAST_SHARE]
     return Turns(group, tuple(sorted(ways, key=lambda way: way[1] is not first)))
 
 
-def _exponential(number: float) -> float:
-    """Return e to the power of ``number``, from -20 to 0 to 1e-12 of it; nought of what is less.
-
-    A thousandth part of it by its series, squared ten times over: a library's bits may differ.
-    """
-    if number < -20.0:
-        return 0.0
-    part = number / 1024.0
-    power = 1.0
-    for divisor in range(6, 0, -1):
-        power = 1.0 + part / divisor * power
-    for _ in range(10):
-        power *= power
-    return power
-
-
-def _turned(
+def turned_as_one(
     found: Solved, group: tuple[int, ...], node: int, turn_rad: float
 ) -> tuple[Floats, Floats]:
     """Return poses and arrow with a group's ways and places turned as one, about a node."""
@@ -135,7 +119,7 @@ def _turned(
     return pose, arrow
 
 
-def _spread(found: Solved, turns: Turns) -> Solved:
+def spread_over(found: Solved, turns: Turns) -> Solved:
     """Return a solution with a group's ways and places as its first turn has them.
 
     Covariances of ends and places are mean squares about these.

@@ -1,0 +1,134 @@
+"""Ways in which a map held to an axis may lie: turned by right angles, or along none (pure).
+
+An axis is alike modulo a right angle. Headings that are known to 30 degrees tell which of four ways
+it is as to one in seven of those who are alone, and better of those whom places in common tie
+together; and whether there is an axis at all legs along one corridor leave open. The smoother
+settles on one way, and is as sure of it as if there were no other: each other one is told with it,
+by how likely it is. Each is solved by itself, for which of a crew of a large team there is no time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from command_post.fusion.team.arithmetic import exponential
+from command_post.fusion.team.assembly import ANY_AXIS_SD_RAD, NO_AXIS, AxisBelief
+from command_post.fusion.team.chain import KNOWN_TURN_SD_RAD
+from command_post.fusion.team.graph import AXIS
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.solving import QUARTERS_RAD, Solved, Turns, solved_from
+from command_post.fusion.team.unturned import gauge, tied_groups
+from command_post.fusion.team.whole_turns import spread_over, turned_as_one
+from shared.maths.angles import wrap_rad
+
+LEAST_SHARE = 0.03
+"""What is less likely is left out: a region holds 95 % without it, and outlines take long."""
+MOST_COST = -2.0 * math.log(LEAST_SHARE)
+
+
+class _Quarter(NamedTuple):
+    """A group's map turned by a right angle, and what that costs beyond what is found."""
+
+    solved: Solved
+    cost: float
+
+
+def with_likeliest_quarter(found: Solved, settings: TeamSettings) -> Solved:
+    """Return the solution with each group turned by the right angles that suit it best.
+
+    It is ``found`` itself if no other is better by as much as another heading has to be.
+    """
+    for group in _groups(found, settings):
+        for quarter in _quarters(found, group, settings, settings.commit_iterations):
+            if quarter.cost < -settings.adopt_gain:
+                found = quarter.solved
+                break
+    return found
+
+
+def with_other_ways(found: Solved, settings: TeamSettings, iterations: int) -> Solved:
+    """Return a solution with all ways that its map may lie otherwise, if it is held to an axis.
+
+    Ends and places are as uncertain as these differ. It is ``found`` itself if there is no other.
+    """
+    groups = _groups(found, settings)
+    if not groups:
+        return found
+    rivals = [
+        (share, _believing(found, mode, settings))
+        for mode, share in found.belief.rivals
+        if share > LEAST_SHARE and mode != "given"
+    ]
+    doubt = math.fsum(share for share, _ in rivals)
+    way = found
+    for group in groups:
+        quarters = _quarters(found, group, settings, iterations)
+        odds = [exponential(-0.5 * max(each.cost, 0.0)) for each in quarters]
+        share = (1.0 - doubt) / (1.0 + math.fsum(odds))
+        others = [(share * odd, each.solved) for odd, each in zip(odds, quarters, strict=True)]
+        ways = [(share, found), *(w for w in (*others, *rivals) if w[0] > LEAST_SHARE)]
+        ways = [(each, solved) for each, solved in ways if solved.is_sound]
+        if len(ways) > 1:
+            total = math.fsum(each for each, _ in ways)
+            shared = tuple((each / total, solved) for each, solved in ways)
+            way = spread_over(way, Turns(group, shared))
+    return way
+
+
+def _groups(found: Solved, settings: TeamSettings) -> list[tuple[int, ...]]:
+    """Return the groups that are held to an axis, but for those whose turns are told already."""
+    if found.belief.mode == "none":
+        return []
+    told = {index for turns in found.turns for index in turns.chains}
+    sharp_rad2 = settings.recovered_turn_sd_rad**2
+    return [
+        group
+        for group in tied_groups(found.assembled)
+        if told.isdisjoint(group) and any(float(found.ends[i, 3]) < sharp_rad2 for i in group)
+    ]
+
+
+def _quarters(
+    found: Solved, group: Sequence[int], settings: TeamSettings, iterations: int
+) -> list[_Quarter]:
+    """Return a group's map turned by right angles, as far as headings leave that possible."""
+    _, node = gauge(found.assembled, group)
+    quarters = []
+    for turn_rad in QUARTERS_RAD:
+        if _cost_of_headings(found, group, turn_rad) > MOST_COST:
+            continue
+        pose, arrow = turned_as_one(found, tuple(group), node, turn_rad)
+        solved = solved_from(found.assembled, pose, arrow, found.belief, settings, iterations)
+        if solved.is_sound and solved.cost < found.cost + MOST_COST:
+            quarters.append(_Quarter(solved, solved.cost - found.cost))
+    return sorted(quarters, key=lambda each: each.cost)
+
+
+def _cost_of_headings(found: Solved, group: Sequence[int], turn_rad: float) -> float:
+    """Return how much more what is known of a group's headings costs if all of it is turned."""
+    graph = found.assembled.graph
+    cost = 0.0
+    for index in group:
+        first, end = graph.first[index : index + 2].tolist()
+        for (told_rad, sd_rad), node in zip(
+            graph.turn.tolist(), graph.turn_at.tolist(), strict=True
+        ):
+            if first <= node < end and sd_rad < KNOWN_TURN_SD_RAD:
+                off_rad = float(found.pose[node, 2]) - told_rad
+                turned_rad = wrap_rad(off_rad + turn_rad)
+                cost += (turned_rad * turned_rad - wrap_rad(off_rad) ** 2) / (sd_rad * sd_rad)
+    return cost
+
+
+def _believing(found: Solved, mode: str, settings: TeamSettings) -> Solved:
+    """Return the solution as it is if the building has no axis, or if that is a ``free`` one."""
+    axis_rad = float(found.arrow[AXIS])
+    belief = AxisBelief(mode, axis_rad, ANY_AXIS_SD_RAD, found.belief.units)
+    if mode == "none":
+        belief = NO_AXIS._replace(units=found.belief.units)
+    return solved_from(
+        found.assembled.believing(belief, settings), found.pose.copy(), found.arrow.copy(), belief,
+        settings, settings.commit_iterations,
+    )  # fmt: skip

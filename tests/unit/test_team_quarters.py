@@ -1,0 +1,59 @@
+"""A map held to an axis may lie otherwise: by right angles, or along no axis; what is told then."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from command_post.fusion.team.quarters import with_likeliest_quarter, with_other_ways
+from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.solving import Solved, solved_from
+from command_post.fusion.team.whole_turns import turned_as_one
+from tests.unit.test_team_axis import SQUARE, walked
+
+SETTINGS = TeamSettings()
+
+
+def told(heading_sd_deg: float, askew_deg: float) -> Solved:
+    """Return the ways of who walked a square so far askew, knowing their heading so well."""
+    found = walked(math.radians(heading_sd_deg), math.radians(askew_deg), SQUARE)
+    return with_other_ways(found, SETTINGS, 5)
+
+
+def test_who_goes_far_off_the_axis_may_go_square_to_it() -> None:
+    found = told(20.0, 38.0)
+    ((chains, ways),) = found.turns
+    turned_rad = np.array([way.pose[-1, 2] for _, way in ways])
+    square = int(np.abs(turned_rad - math.radians(52.0)).argmin())
+    assert chains == (0,)
+    assert turned_rad[0] == pytest.approx(math.radians(-38.0), abs=0.05)
+    assert turned_rad[square] == pytest.approx(math.radians(52.0), abs=0.05)
+    less_likely = math.exp(-0.5 * (52.0**2 - 38.0**2) / 20.0**2)
+    assert ways[square][0] / ways[0][0] == pytest.approx(less_likely, rel=0.2)
+    assert sum(share for share, _ in ways) == pytest.approx(1.0)
+    assert np.array_equal(ways[0][1].pose, found.pose)
+    assert found.ends[0, 3] > 10.0 * ways[0][1].ends[0, 3]
+
+
+def test_who_knows_their_heading_may_not() -> None:
+    found = told(2.0, 0.0)
+    turned_rad = [way.pose[-1, 2] for turns in found.turns for _, way in turns.ways]
+    assert np.abs([*turned_rad, found.pose[-1, 2]]).max() < 0.1
+
+
+def test_an_axis_is_believed_in_with_as_much_doubt_as_legs_leave() -> None:
+    few, many = (walked(math.radians(2.0), 0.0, corners) for corners in (SQUARE[:3], 3 * SQUARE))
+    doubts = [dict(found.belief.rivals)["none"] for found in (few, many)]
+    assert 0.5 > doubts[0] > 10.0 * doubts[1] > 0.0
+
+
+def test_a_map_that_was_turned_by_a_right_angle_is_turned_back_as_a_whole() -> None:
+    found = walked(math.radians(20.0), 0.0, SQUARE)
+    pose, arrow = turned_as_one(found, (0,), 0, math.pi / 2.0)
+    wrong = solved_from(found.assembled, pose, arrow, found.belief, SETTINGS, 12)
+    assert wrong.pose[-1, 2] == pytest.approx(math.pi / 2.0, abs=0.1)
+    back = with_likeliest_quarter(wrong, SETTINGS)
+    assert back.pose[-1, 2] == pytest.approx(found.pose[-1, 2], abs=0.01)
+    assert with_likeliest_quarter(found, SETTINGS) is found
