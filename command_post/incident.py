@@ -47,7 +47,7 @@ from shared.messages import (
     Supplies,
 )
 from shared.seal import Seal, read_seal
-from shared.topics import TOPICS, Key, Role
+from shared.topics import Key, Role
 
 __all__ = ["MOST_NODES", "Incident", "IncidentSettings"]
 
@@ -73,9 +73,9 @@ class Incident:
         self._keys = KnownKeys()
         self._heard_ns: dict[tuple[Role, str], int] = {}
         self._told = Told()
-        self._told_until = ToldUntil()
         self._teams = TeamWatch(settings.teams)
         self._senders = Senders(settings.hold_ns, settings.post_id)
+        self._told_until = ToldUntil(self._senders)
         self._dating = Dating(self._senders)
         self._lateness = Lateness(settings.fusion, keeps_all=keeps_all)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
@@ -359,19 +359,12 @@ class Incident:
             self._notices.tell(reason, key.node_id, f"dap: {why}")
         self._told.take(key.role, key.node_id, message, now_ns)
         if key.role == "responder":
-            self._hear_until(key, message, now_ns, seal)
+            told = self._told_until.hear(key, message, seal)
+            if told is not None:
+                self._tracker.heard(key.node_id, min(told.time_ns, now_ns), told.beat_s)
         events = self._dating.date(key, message, now_ns, seal) if key.topic in FUSED else []
         for event in (*self._dating.dated_by_now(key, now_ns), *events):
             self._put(event, now_ns)
-
-    def _hear_until(self, key: Key, message: Message, now_ns: int, seal: Seal | None) -> None:
-        """Let the tracker know until when a responder has told all."""
-        journalled = TOPICS[key.topic].journalled
-        until_ns = self._told_until.hear(key.node_id, message, seal, journalled=journalled)
-        if until_ns is not None:
-            time_ns = self._senders.time_ns(key.role, key.node_id, until_ns, seal)
-            beat_s = self._told_until.beat_s(key.node_id)
-            self._tracker.heard(key.node_id, min(time_ns, now_ns), beat_s)
 
     def _put(self, event: Event, now_ns: int) -> None:
         """Have an event wait for its turn, unless it comes too late to be fused."""

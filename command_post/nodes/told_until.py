@@ -10,10 +10,13 @@ from __future__ import annotations
 from collections import deque
 from itertools import pairwise
 from statistics import median
+from typing import NamedTuple
 
+from command_post.nodes.senders import Senders
 from shared.messages import Beat, Message
 from shared.received_numbers import ReceivedNumbers
 from shared.seal import Seal
+from shared.topics import TOPICS, Key
 from shared.units import NS_PER_S
 
 MOST_RUNS = 4
@@ -22,31 +25,39 @@ MOST_RUNS = 4
 BEATS_REMEMBERED = 5
 
 
+class AllTold(NamedTuple):
+    """Until when, on the post's clock, and how long it is from beat to beat, if it beats."""
+
+    time_ns: int
+    beat_s: float | None
+
+
 class ToldUntil:
     """All responders that were heard.
 
     Who never beat sends what they have to say as it happens, and has told all by whatever comes.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, senders: Senders) -> None:
+        """Know by ``senders`` when it was, on the post's clock, what a unit says."""
+        self._senders = senders
         self._units: dict[str, _Unit] = {}
 
-    def hear(
-        self, responder_id: str, message: Message, seal: Seal | None, *, journalled: bool
-    ) -> int | None:
-        """Return until when, by the unit's clock, it has now told all; ``None`` if not even so."""
-        unit = self._units.get(responder_id)
+    def hear(self, key: Key, message: Message, seal: Seal | None) -> AllTold | None:
+        """Return until when a responder has now told all; ``None`` if that is not certain."""
+        unit = self._units.get(key.node_id)
         if unit is None:
-            unit = self._units[responder_id] = _Unit()
+            unit = self._units[key.node_id] = _Unit()
+        until_ns: int | None = None
         if isinstance(message, Beat):
-            return unit.beat(message)
-        told_ns = unit.count(seal) if journalled and seal is not None else None
-        return told_ns if unit.beats else message.event_time_ns
-
-    def beat_s(self, responder_id: str) -> float | None:
-        """Return how long it is from beat to beat as a rule; ``None`` of who does not beat."""
-        unit = self._units.get(responder_id)
-        return None if unit is None else unit.beat_s
+            until_ns = unit.beat(message)
+        elif seal is not None and TOPICS[key.topic].journalled:
+            until_ns = unit.count(seal)
+        if not unit.beats:
+            until_ns = message.event_time_ns
+        if until_ns is None:
+            return None
+        return AllTold(self._senders.time_ns(key.role, key.node_id, until_ns, seal), unit.beat_s)
 
 
 class _Unit:

@@ -21,27 +21,19 @@ from command_post.fusion.team.commits import Commits
 from command_post.fusion.team.crews import Bonds, Crew
 from command_post.fusion.team.dap_places import apart_m, daps_of
 from command_post.fusion.team.doubts import doubts_of
-from command_post.fusion.team.estimates import (
-    Pose,
-    estimate_of,
-    first_pose,
-    pose_of,
-)
 from command_post.fusion.team.forgetting import forget
-from command_post.fusion.team.front import Fronts
 from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
 from command_post.fusion.team.making import Fresh
 from command_post.fusion.team.quarters import with_other_ways
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.silences import Silences
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution, concerning
 from command_post.fusion.team.solving import commit, solve
 from command_post.fusion.team.standing_doubts import StandingDoubts
 from command_post.fusion.team.suspicions import clocks_ahead_ns, supposed
-from command_post.fusion.team.way_since import Ways
+from command_post.fusion.team.whereabouts import Whereabouts
 from command_post.fusion.team.whole_turns import with_turns
 from command_post.fusion.track import Estimate
 from shared.messages import (
@@ -54,10 +46,8 @@ from shared.messages import (
     RssiPeak,
     TrackStart,
 )
-from shared.units import NS_PER_S
 
 MOVED_DAP_M = 0.25
-MOST_REASON = 200
 
 
 class TeamTracker:
@@ -70,26 +60,16 @@ class TeamTracker:
 
     def __init__(self, settings: TeamSettings) -> None:
         self._settings = settings
-        self._tick_ns = round(settings.tick_s * NS_PER_S)
         self._log = TeamLog()
         self._bonds = Bonds()
         self._lines = Lines(self._log, self._bonds, settings)
         self._agenda = Agenda(self._lines, settings)
         self._solved_ns = -1
-        self._poses: dict[str, Pose] = {}
-        self._kept_ns: dict[str, int] = {}
-        self._fronts = Fronts()
-        self._ways = Ways(settings)
-        self._storeys_m: tuple[float, ...] = ()
-        self._storeys_of: dict[str, tuple[float, ...]] = {}
-        self._estimates: dict[str, Estimate] = {}
-        self._silences = Silences(settings)
-        self._time_ns = 0
         self._doubts = StandingDoubts()
+        self._whereabouts = Whereabouts(self._log, self._doubts, settings)
         self._daps: dict[str, InstalledDap] = {}
         self._told_daps: dict[str, InstalledDap] = {}
         self._changed_daps: dict[str, InstalledDap] = {}
-        self._changed: dict[str, Estimate] = {}
         self._is_whole = True
         """Whether nothing was forgotten."""
 
@@ -107,7 +87,7 @@ class TeamTracker:
     @property
     def estimates(self) -> Mapping[str, Estimate]:
         """The newest estimate of every responder, by id."""
-        return MappingProxyType(self._estimates)
+        return MappingProxyType(self._whereabouts.estimates)
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
@@ -182,27 +162,16 @@ class TeamTracker:
 
     def heard(self, responder_id: str, time_ns: int, beat_s: float | None = None) -> None:
         """Note that a responder's unit has told all until then."""
-        log = self._log.responders.get(responder_id)
-        if log is not None:
-            log.heard_ns = max(log.heard_ns, time_ns)
-            if log.beat_s is None and beat_s is not None:
-                self._silences.look(responder_id, time_ns)
-            log.beat_s = beat_s
-            self._silences.heard(responder_id, log)
+        self._whereabouts.heard(responder_id, time_ns, beat_s)
 
     @property
     def silent_due_ns(self) -> int | None:
         """When somebody may have to be told of who is silent; ``None`` if nobody."""
-        return self._silences.due_ns
+        return self._whereabouts.silent_due_ns
 
     def pass_time(self, time_ns: int) -> list[tuple[str, Estimate]]:
         """Return where they are, as time passes, of whom nothing is heard: nobody knows."""
-        self._time_ns = max(self._time_ns, time_ns)
-        told = []
-        for at_ns, responder_id in self._silences.due(self._log.responders, time_ns):
-            estimate = self._estimates[responder_id] = self._estimate(responder_id, at_ns)
-            told.append((responder_id, estimate))
-        return told
+        return self._whereabouts.pass_time(time_ns)
 
     def forget(self, before_ns: int) -> None:
         """Drop what is of no use if nothing comes any more that happened before ``before_ns``.
@@ -218,18 +187,17 @@ class TeamTracker:
 
     def begin_from(self, ways: Mapping[str, WayTold], daps: Mapping[str, InstalledDap]) -> bool:
         """Begin where everybody was told to be, in place of all that was heard before."""
-        self._poses = begin(self._log, self._bonds, ways, daps, self._settings)
+        poses = begin(self._log, self._bonds, ways, daps, self._settings)
         self._daps, self._told_daps = dict(daps), dict(daps)
         self._is_whole = False
-        for name, way in ways.items():
+        for way in ways.values():
             self._lines.note(way.told.time_ns)
-            self._kept_ns[name] = way.told.time_ns
-            self._estimates[name] = self._estimate(name, way.told.time_ns)
+        self._whereabouts.begin_from(poses, ways)
         return True
 
     def take_changes(self) -> Changes:
         """Return what events and ticks have changed since this was last asked."""
-        estimates, self._changed = sorted(self._changed.items()), {}
+        estimates = self._whereabouts.take_changed()
         daps, self._changed_daps = sorted(self._changed_daps.items()), {}
         return Changes(estimates, daps, self._commits.mishaps.take())
 
@@ -327,18 +295,7 @@ class TeamTracker:
         if responder_id not in self._log.responders:
             self.counts["too_many_responders"] += 1
             return
-        estimate = self._estimate(responder_id, self._told_until_ns(responder_id))
-        self._estimates[responder_id] = estimate
-        self._changed[responder_id] = estimate
-        self._silences.told(responder_id, estimate.time_ns)
-
-    def _told_until_ns(self, responder_id: str) -> int:
-        """Return for when it was told where they are: what comes late is not to set them back.
-
-        A clock that is ahead is another matter.
-        """
-        told = self._estimates.get(responder_id)
-        return 0 if told is None else min(told.time_ns, self._time_ns)
+        self._whereabouts.tell(responder_id)
 
     def _tick(self, time_ns: int) -> None:
         """Solve each crew at its last tick before ``time_ns``, unless that is done."""
@@ -377,24 +334,9 @@ class TeamTracker:
     def _keep(self, crew: Crew, fresh: Fresh, before: Solution) -> None:
         time_ns, log, solved, heights = fresh
         if before is not NOTHING:
-            self._storeys_m = before.storeys_m
             self._doubts.keep(crew, doubts_of(before.held))
-        ahead_ns = clocks_ahead_ns(before.suspicions)
-        for index, chain in enumerate(solved.assembled.chains):
-            own_ahead_ns = ahead_ns.get(chain.responder_id, 0)
-            self._poses[chain.responder_id] = pose_of(
-                solved, heights, index, own_ahead_ns, self._settings
-            )
-            self._kept_ns[chain.responder_id] = time_ns
-            self._storeys_of[chain.responder_id] = self._storeys_m
-            own = log.responders[chain.responder_id]
-            self._fronts.keep(solved, index, own, time_ns, self._settings)
-            until_ns = max(time_ns, self._told_until_ns(chain.responder_id))
-            estimate = self._estimate(chain.responder_id, until_ns)
-            self._estimates[chain.responder_id] = estimate
-            if time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
-                self._changed[chain.responder_id] = estimate
-                self._silences.told(chain.responder_id, estimate.time_ns)
+        storeys_m = None if before is NOTHING else before.storeys_m
+        self._whereabouts.keep(fresh, clocks_ahead_ns(before.suspicions), storeys_m)
         self._keep_daps(self._commits.published(crew, time_ns, daps_of(log, solved, heights)))
 
     def _keep_daps(self, told: Mapping[str, InstalledDap]) -> None:
@@ -408,20 +350,3 @@ class TeamTracker:
                 or apart_m(before.position, dap.position) > MOVED_DAP_M
             ):
                 self._told_daps[dap_id] = self._changed_daps[dap_id] = dap
-
-    def _estimate(self, responder_id: str, now_ns: int) -> Estimate:
-        """Return where a responder is by ``now_ns``, with what is doubted of them as a reason."""
-        estimate = self._located(responder_id, now_ns)
-        doubted = self._doubts.words_of("responder", responder_id)
-        if not doubted:
-            return estimate
-        reason = "; ".join([estimate.reason, *doubted] if estimate.reason else doubted)
-        return estimate._replace(reason=reason[:MOST_REASON])
-
-    def _located(self, responder_id: str, now_ns: int) -> Estimate:
-        log = self._log.responders[responder_id]
-        pose = self._poses.get(responder_id) or first_pose(log, self._settings)
-        storeys_m = self._storeys_of.get(responder_id, self._storeys_m)
-        since = self._ways.of(responder_id, log.moves, pose.time_ns)
-        estimate = estimate_of(pose, since, log, now_ns, storeys_m, self._settings)
-        return self._fronts.told(estimate, log, pose.time_ns, responder_id, self._settings)
