@@ -241,15 +241,13 @@ class Incident:
 
         What comes of it is what the next ``handle`` would have made first.
         """
-        made = self._fuse(self._time_line.release(now_ns))
+        until_ns = now_ns - self.settings.hold_ns
+        made = self._fuse(self._time_line.release(now_ns), until_ns)
+        self._tell_silent(until_ns, made)
         before_ns = self._lateness.forget_ns(now_ns)
         if before_ns is not None:
             with self._set_aside.passing("forgetting"):
                 self._tracker.forget(before_ns)
-        until_ns, silent_ns = now_ns - self.settings.hold_ns, self._tracker.silent_due_ns
-        if silent_ns is not None and silent_ns <= until_ns:
-            with self._set_aside.passing("telling of who is silent"):
-                self._tell(self._tracker.pass_time(until_ns), now_ns, made)
         desk_due_ns = self._desk.due_ns
         if desk_due_ns is not None and desk_due_ns <= now_ns:
             with self._set_aside.passing("looking who is silent"):
@@ -283,7 +281,7 @@ class Incident:
         self.go_on(last)
         self._lateness.begin(begin_anew.begun_ns(last))
         self._dap_places = begin_anew.places_told(last, daps)
-        return self._fuse(begin_anew.still_to_fuse(heard, last, daps))
+        return self._fuse(begin_anew.still_to_fuse(heard, last, daps), 0)
 
     def go_on(self, last: LastTold) -> None:
         """Number what is said next, and hold alerts, as they were told last."""
@@ -305,7 +303,7 @@ class Incident:
         made = self.pass_time(now_ns)
         for event in self._dating.rest():
             self._put(event, now_ns)
-        made += self._fuse(self._time_line.release_all())
+        made += self._fuse(self._time_line.release_all(), now_ns + self.settings.hold_ns)
         self._set_aside.tell(now_ns)
         return made
 
@@ -377,12 +375,14 @@ class Incident:
             detail = f"{event.key.role}: {self._lateness.words}"
             self._notices.tell("too_late", event.key.node_id, detail)
 
-    def _fuse(self, events: list[Event]) -> list[Outgoing]:
+    def _fuse(self, events: list[Event], until_ns: int) -> list[Outgoing]:
+        """Fuse events in turn, telling between them of who is silent: up to ``until_ns``."""
         if self._recalled is not None:
             self._recalled += events
             return []
         made: list[Outgoing] = []
         for event in events:
+            self._tell_silent(min(event.dated.event_time_ns, until_ns), made)
             if self._set_aside.takes(event.key, what := fused(event)):
                 with self._set_aside.survived(event.key, "fusing it", what):
                     self._fuse_one(event, made)
@@ -404,6 +404,12 @@ class Incident:
             said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
             self._dap_places[dap_id] = place = self._announcer.dap_place(dap_id, dap, said_ns)
             made.append(place)
+
+    def _tell_silent(self, until_ns: int, made: list[Outgoing]) -> None:
+        due_ns = self._tracker.silent_due_ns
+        if due_ns is not None and due_ns <= until_ns:
+            with self._set_aside.passing("telling of who is silent"):
+                self._tell(self._tracker.pass_time(until_ns), until_ns, made)
 
     def _tell(
         self, estimates: Sequence[tuple[str, Estimate]], time_ns: int, made: list[Outgoing]

@@ -35,7 +35,8 @@ def begin(
     for name, way in ways.items():
         own = log.of(name)
         own.starts = [_start(way, settings)]
-        own.heard_ns, own.near_ns = way.told.time_ns, way.told.last_proximity_time_ns
+        own.know(way.told.time_ns)
+        own.near_ns = way.told.last_proximity_time_ns
         bonds.note_began(name, way.told.time_ns)
     return {name: _pose(way, settings) for name, way in ways.items()}
 

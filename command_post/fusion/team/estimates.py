@@ -106,7 +106,7 @@ def estimate_of(
     """
     dn, de = _moved(pose, since)
     time_ns = since.end_ns
-    silent_s = max(now_ns - max(time_ns - pose.ahead_ns, log.heard_ns), 0) / NS_PER_S
+    silent_s = max(now_ns - max(time_ns - pose.ahead_ns, log.known_by(now_ns)), 0) / NS_PER_S
     unheard_m2 = unheard_m(silent_s, log, settings) ** 2
     nn, ne, ee, turn_rad2 = _covariance(pose, since, (dn, de), unheard_m2, settings)
     down_m = pose.down[0] + math.fsum(since.down_m)

@@ -24,6 +24,7 @@ from shared.messages import (
 
 END_OF_TIME_NS = 2**63 - 1
 MOST_RESPONDERS = 2048
+KNOWN_REMEMBERED = 128
 
 ANYWHERE = LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(1e6, 0.0, 1e6))
 """Where a DAP is put of which it is not known where it stands."""
@@ -98,7 +99,8 @@ class Installed(NamedTuple):
 class ResponderLog:
     """What has been heard of one responder.
 
-    Until ``heard_ns`` their unit told all that they moved, as it does every ``beat_s`` if it beats;
+    At each of ``known_ns`` (in order; the last ones) it was known where they were: a move had
+    ended, or their unit had told all until then, as it does every ``beat_s`` if it beats.
     ``near_ns`` is when a DAP last heard them near.
     """
 
@@ -109,15 +111,24 @@ class ResponderLog:
     contacts: list[Peak] = field(default_factory=list)
     fixes: list[Fix] = field(default_factory=list)
     heights: list[Height] = field(default_factory=list)
-    heard_ns: int = 0
+    known_ns: list[int] = field(default_factory=list)
     beat_s: float | None = None
     near_ns: int | None = None
 
-    @property
-    def known_ns(self) -> int:
-        """Until when it is known where they went."""
-        began_ns = self.starts[-1].time_ns if self.starts else 0
-        return max(self.heard_ns, self.moves.last_end_ns, began_ns)
+    def know(self, time_ns: int) -> None:
+        """Note that it is known where they were by then."""
+        insort(self.known_ns, time_ns)
+        if len(self.known_ns) > 2 * KNOWN_REMEMBERED:
+            del self.known_ns[:KNOWN_REMEMBERED]
+
+    def known_by(self, time_ns: int) -> int:
+        """Return when, up to ``time_ns``, it was last known where they were; 0 if never."""
+        at = bisect_right(self.known_ns, time_ns)
+        return self.known_ns[at - 1] if at else 0
+
+    def known_after(self, time_ns: int) -> list[int]:
+        """Return when it was known where they were after ``time_ns``, in order."""
+        return self.known_ns[bisect_right(self.known_ns, time_ns) :]
 
     def starts_until(self, time_ns: int) -> list[Start]:
         """Return the starts that count by ``time_ns``: of several with no move between, the last.

@@ -67,10 +67,10 @@ class Silences:
             self.look(responder_id, time_ns)
         self._told_ns[responder_id] = time_ns if before_ns is None else max(before_ns, time_ns)
 
-    def heard(self, responder_id: str, log: ResponderLog) -> None:
-        """Note that it is known until when of somebody where they are, or how often they beat."""
+    def heard(self, responder_id: str, time_ns: int) -> None:
+        """Note that it is known where somebody was at ``time_ns``."""
         if responder_id in self._silent:
-            self.look(responder_id, log.known_ns)
+            self.look(responder_id, time_ns)
 
     def look(self, responder_id: str, time_ns: int) -> None:
         """Have somebody looked at from ``time_ns`` on, who may be silent sooner than was known."""
@@ -93,7 +93,8 @@ class Silences:
             if at_ns <= until_ns:
                 yield at_ns, responder_id
                 self._told_ns[responder_id] = at_ns
-                if is_silent((at_ns - log.known_ns) / NS_PER_S, log, self._settings):
+                silent_s = (at_ns - log.known_by(at_ns)) / NS_PER_S
+                if is_silent(silent_s, log, self._settings):
                     self._silent.add(responder_id)
                 else:
                     self._silent.discard(responder_id)
@@ -101,10 +102,21 @@ class Silences:
             self.look(responder_id, at_ns)
 
     def _next_ns(self, responder_id: str, log: ResponderLog) -> int:
-        settings, told_ns, known_ns = self._settings, self._told_ns[responder_id], log.known_ns
-        silent_s = (told_ns - known_ns) / NS_PER_S
-        if responder_id in self._silent and not is_silent(silent_s, log, settings):
-            return max(told_ns, known_ns)
+        """Return when it is to be told next: of who is silent, until they are not, else once.
+
+        It does not depend on when one asks, nor on the order in which things were heard.
+        """
+        settings, told_ns = self._settings, self._told_ns[responder_id]
+        known_ns, after_ns = log.known_by(told_ns), log.known_after(told_ns)
+        tick_ns = round(settings.tick_s * NS_PER_S)
+        if responder_id in self._silent:
+            if not is_silent((told_ns - known_ns) / NS_PER_S, log, settings):
+                return told_ns
+            at_ns = told_ns + max(tick_ns, round(RARER * (told_ns - known_ns)))
+            return min(at_ns, after_ns[0]) if after_ns else at_ns
         quiet_ns = round(quiet_s(log, settings) * NS_PER_S) + 1
-        wait_ns = round(max(settings.tick_s, RARER * silent_s) * NS_PER_S)
-        return max(known_ns + quiet_ns, told_ns + wait_ns)
+        for time_ns in after_ns:
+            if time_ns >= max(known_ns + quiet_ns, told_ns + tick_ns):
+                break
+            known_ns = time_ns
+        return max(known_ns + quiet_ns, told_ns + tick_ns)

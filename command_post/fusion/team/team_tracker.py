@@ -99,7 +99,7 @@ class TeamTracker:
         if self._take_own(
             responder_id, start.event_time_ns, lambda: self._log.add_start(responder_id, start)
         ):
-            self._tell(responder_id)
+            self._tell(responder_id, start.event_time_ns)
 
     def move(self, responder_id: str, increment: OdometryIncrement) -> None:
         """Move a responder; one who never started begins where nobody knows."""
@@ -107,7 +107,7 @@ class TeamTracker:
         if self._take_own(
             responder_id, time_ns, lambda: self._log.add_move(responder_id, increment)
         ):
-            self._tell(responder_id)
+            self._tell(responder_id, time_ns)
 
     def near(self, dap_id: str, event: ProximityEvent) -> None:
         """Note that a DAP holds somebody to be near: used where it tells no peaks."""
@@ -291,11 +291,11 @@ class TeamTracker:
             self._agenda.ask_again()
         return True
 
-    def _tell(self, responder_id: str) -> None:
+    def _tell(self, responder_id: str, time_ns: int) -> None:
         if responder_id not in self._log.responders:
             self.counts["too_many_responders"] += 1
             return
-        self._whereabouts.tell(responder_id)
+        self._whereabouts.tell(responder_id, time_ns)
 
     def _tick(self, time_ns: int) -> None:
         """Solve each crew at its last tick before ``time_ns``, unless that is done."""

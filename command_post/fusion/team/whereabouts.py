@@ -75,8 +75,9 @@ class Whereabouts:
                 self._changed[name] = estimate
                 self._silences.told(name, estimate.time_ns)
 
-    def tell(self, responder_id: str) -> None:
-        """Have it told where somebody is now, of whom something was heard."""
+    def tell(self, responder_id: str, time_ns: int) -> None:
+        """Have it told where somebody is, of whose way something was heard that ended then."""
+        self._log.responders[responder_id].know(time_ns)
         estimate = self._estimate(responder_id, self._told_until_ns(responder_id))
         self.estimates[responder_id] = self._changed[responder_id] = estimate
         self._silences.told(responder_id, estimate.time_ns)
@@ -85,11 +86,11 @@ class Whereabouts:
         """Note that a responder's unit has told all until then, as it does every ``beat_s``."""
         log = self._log.responders.get(responder_id)
         if log is not None:
-            log.heard_ns = max(log.heard_ns, time_ns)
+            log.know(time_ns)
             if log.beat_s is None and beat_s is not None:
                 self._silences.look(responder_id, time_ns)
             log.beat_s = beat_s
-            self._silences.heard(responder_id, log)
+            self._silences.heard(responder_id, time_ns)
 
     def pass_time(self, time_ns: int) -> list[tuple[str, Estimate]]:
         """Return where they are, as time passes, of whom nothing is heard: nobody knows."""
