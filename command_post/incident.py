@@ -69,6 +69,7 @@ class Incident:
     def __init__(self, settings: IncidentSettings, *, keeps_all: bool = True) -> None:
         """Unless it ``keeps_all`` it forgets what is of no use live, and knows less afterwards."""
         self.settings = settings
+        self._hold_ns = settings.hold_ns
         self._notices = Notices()
         self._keys = KnownKeys()
         self._heard_ns: dict[tuple[Role, str], int] = {}
@@ -241,7 +242,7 @@ class Incident:
 
         What comes of it is what the next ``handle`` would have made first.
         """
-        until_ns = now_ns - self.settings.hold_ns
+        until_ns = now_ns - self._hold_ns
         made = self._fuse(self._time_line.release(now_ns), until_ns)
         self._tell_silent(until_ns, made)
         before_ns = self._lateness.forget_ns(now_ns)
@@ -260,7 +261,7 @@ class Incident:
         """When something is due next, were nothing heard until then."""
         silent_ns = self._tracker.silent_due_ns
         if silent_ns is not None:
-            silent_ns += self.settings.hold_ns
+            silent_ns += self._hold_ns
         due_ns = (self._time_line.due_ns, self._desk.due_ns, silent_ns)
         return min((each for each in due_ns if each is not None), default=None)
 
@@ -303,7 +304,7 @@ class Incident:
         made = self.pass_time(now_ns)
         for event in self._dating.rest():
             self._put(event, now_ns)
-        made += self._fuse(self._time_line.release_all(), now_ns + self.settings.hold_ns)
+        made += self._fuse(self._time_line.release_all(), now_ns + self._hold_ns)
         self._set_aside.tell(now_ns)
         return made
 

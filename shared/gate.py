@@ -214,10 +214,7 @@ class Gate:
             journal = JournalRun(key.role, key.node_id, bytes.fromhex(beat.run))
             numbers = self._numbers(journal)
             if numbers is not None:
-                self.gone[journal] += numbers.give_up(min(beat.kept_from, beat.last_number + 1))
-                numbers.exist(beat.last_number)
-                for number in beat.lost:
-                    self.gone[journal] += number <= beat.last_number and numbers.take(number)
+                self.gone[journal] += numbers.heed(beat.kept_from, beat.last_number, beat.lost)
 
     def _numbers(self, journal: JournalRun) -> ReceivedNumbers | None:
         node = (journal.role, journal.node_id)

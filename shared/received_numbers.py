@@ -68,6 +68,15 @@ class ReceivedNumbers:
         self._close_up()
         return missing
 
+    def heed(self, kept_from: int, last_number: int, lost: Sequence[int]) -> int:
+        """Take in what a journal holds, as a beat has it; return how many are gone for good.
+
+        It goes up to ``last_number``, keeps none before ``kept_from``, and has ``lost`` some.
+        """
+        gone = self.give_up(min(kept_from, last_number + 1))
+        self.exist(last_number)
+        return gone + sum(number <= last_number and self.take(number) for number in lost)
+
     def forget(self, hole: Hole) -> None:
         """Hold ``hole``, of which all had come, for missing."""
         self._beyond.update(range(hole.last + 1, self.up_to + 1))

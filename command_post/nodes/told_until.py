@@ -91,10 +91,8 @@ class _Unit:
         self._beats_ns.append(beat.event_time_ns)
         numbers = self._numbers(bytes.fromhex(beat.run))
         # What is acknowledged a post has, though perhaps from before it was started again.
-        numbers.give_up(min(max(beat.kept_from, beat.acknowledged + 1), beat.last_number + 1))
-        numbers.exist(beat.last_number)
-        for number in beat.lost:
-            numbers.take(number)
+        kept_from = max(beat.kept_from, beat.acknowledged + 1)
+        numbers.heed(kept_from, beat.last_number, beat.lost)
         until_ns = beat.event_time_ns
         if beat.followed_until_ns is not None:
             until_ns = min(beat.followed_until_ns, until_ns)

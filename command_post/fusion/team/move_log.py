@@ -136,11 +136,6 @@ class MoveLog:
         """The agent's heading at the end of the last move; 0 before any."""
         return float(self._values[self._count - 1, HEADING]) if self._count else 0.0
 
-    @property
-    def last_end_ns(self) -> int:
-        """When the last move ended; 0 before any."""
-        return int(self._times[self._count - 1, 0]) if self._count else 0
-
     def until(self, time_ns: int) -> Moves:
         """Return the moves that ended by ``time_ns``, without copying them."""
         count = self.count_until(time_ns)

@@ -79,7 +79,7 @@ class Silences:
             heapq.heappush(self._due, (time_ns, responder_id))
 
     def due(self, logs: dict[str, ResponderLog], until_ns: int) -> Iterator[tuple[int, str]]:
-        """Yield when whom is to be told of, in order of time; each is to be noted as ``told``."""
+        """Yield when whom is to be told of, in order of time: with that it is noted as told."""
         while self._due and self._due[0][0] <= until_ns:
             look_ns, responder_id = heapq.heappop(self._due)
             if look_ns != self._look_ns.get(responder_id):

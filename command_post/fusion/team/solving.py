@@ -246,6 +246,7 @@ def _with_axis(
         return _begun(believing, before, belief, settings, settings.commit_iterations)
 
     def cost(tried: Solved, belief_cost: float) -> float:
+        """Return a belief's cost with what it takes to change to it."""
         # Hysteresis: of two axes the one held so far has the better of a tie. Whether there is one
         # at all the evidence says alone: both too late, a wrong one and a right one cost metres.
         # Of who is alone it has to say so loudly: one drift of theirs turns all their legs.
