@@ -38,7 +38,7 @@ BOUNCE_CUTOFF_HZ = 8.0
 """What is faster is the unit's shaking on its belt."""
 
 GAP_S = 0.1
-LONGEST_GAP_S = 1.0
+LONGEST_GAP_S = 1.25
 """Nobody knows how often the wearer stepped in a longer one, nor how they turned."""
 
 STANDS_S = 0.5

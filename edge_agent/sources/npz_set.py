@@ -194,7 +194,7 @@ def _course(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth |
 def _walked(path: Path, rows: Array, time_s: Array) -> Array:
     """Return the way-points (k, 3) that were passed while there were samples."""
     first_s, last_s = time_s.min() - BESIDE_S, time_s.max() + BESIDE_S
-    walked = rows[(rows[:, 0] >= first_s) & (rows[:, 0] <= last_s)]
+    walked: Array = rows[(rows[:, 0] >= first_s) & (rows[:, 0] <= last_s)]
     if len(rows) and not len(walked):
         raise SourceError(f"{path}: truth_waypoint_t_xy is of another time than the samples")
     if len(walked) < len(rows):
