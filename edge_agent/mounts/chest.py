@@ -27,7 +27,7 @@ from shared.units import NS_PER_S
 LONGEST_GAP_S = 0.5
 """Over a longer one nobody knows how often the wearer stepped, nor how they turned."""
 
-LONGEST_BRIDGE_S = 1.0
+LONGEST_BRIDGE_S = 1.25
 """So long whoever walks evenly is taken to go on."""
 
 RESTARTED_S = 1.0

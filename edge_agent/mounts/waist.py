@@ -14,6 +14,7 @@ from collections import deque
 from typing import NamedTuple
 
 from edge_agent.inertial.butterworth import LowPass
+from edge_agent.inertial.closing_step import ClosingStep
 from edge_agent.inertial.even_samples import EVEN_RATE_HZ, EvenSample, EvenSamples
 from edge_agent.inertial.heading import UNKNOWN_HEADING_SD_RAD, Heading, MagneticHeading
 from edge_agent.inertial.landings import Landing, LandingDetector, LandingSettings
@@ -37,7 +38,7 @@ BOUNCE_CUTOFF_HZ = 8.0
 """What is faster is the unit's shaking on its belt."""
 
 GAP_S = 0.1
-LONGEST_GAP_S = 1.0
+LONGEST_GAP_S = 1.25
 """Nobody knows how often the wearer stepped in a longer one, nor how they turned."""
 
 STANDS_S = 0.5
@@ -96,6 +97,7 @@ class WaistMount:
         self._frame_turn_rad = 0.0
         self._straight: StraightWalk | None = None
         self._landings = LandingDetector(EVEN_RATE_HZ, self._settings)
+        self._closing = ClosingStep(EVEN_RATE_HZ)
         self._bounce = LowPass(BOUNCE_CUTOFF_HZ, EVEN_RATE_HZ)
         self._lengths = PendulumSteps()
         self._moments: deque[_Moment] = deque()
@@ -170,6 +172,7 @@ class WaistMount:
             self._lose(last_ns, sample.time_ns)
         self._even.restart()
         self._landings = LandingDetector(EVEN_RATE_HZ, self._settings)
+        self._closing = ClosingStep(EVEN_RATE_HZ)
         self._bounce = LowPass(BOUNCE_CUTOFF_HZ, EVEN_RATE_HZ)
         self._moments.clear()
         self._ahead.pause()
@@ -196,7 +199,8 @@ class WaistMount:
         if not self.ready:
             return
         # Up is −z. A sensor that reads too much of gravity reads too much of all.
-        up_m_s2 = (-level_m_s2[2] - gravity_m_s2) * STANDARD_GRAVITY_M_S2 / gravity_m_s2
+        scale = STANDARD_GRAVITY_M_S2 / gravity_m_s2
+        up_m_s2 = (-level_m_s2[2] - gravity_m_s2) * scale
         nav_from_sensor = self._attitude.nav_from_sensor
         self._ahead.step(even.force_m_s2, rotate(inverse(nav_from_sensor), UP))
         moment = _Moment(even.time_ns, self._bounce.step(up_m_s2), nav_from_sensor)
@@ -204,31 +208,51 @@ class WaistMount:
         landing = self._landings.step(even.time_ns, up_m_s2)
         if landing is not None:
             self._land(landing)
+        north_m_s2, east_m_s2, _ = level_m_s2
+        closed_ns = self._closing.step(
+            even.time_ns, (scale * north_m_s2, scale * east_m_s2, up_m_s2)
+        )
+        if closed_ns is not None:
+            self._end_step(closed_ns)
         longest_ns = self._settings.longest_step_s * NS_PER_S
         if even.time_ns - self._moments[0].time_ns > 2.0 * longest_ns:
             self._moments.popleft()
 
     def _land(self, landing: Landing) -> None:
         """End a step at a landing; at the first of a walk, there is none to end."""
-        started_ns, self._landed_ns = self._landed_ns, landing.time_ns
-        passed = [moment for moment in self._moments if moment.time_ns <= landing.time_ns]
-        for _ in passed:
-            self._moments.popleft()
-        if landing.setting_out or started_ns is None:
+        if self._landed_ns is not None and landing.time_ns <= self._landed_ns:
+            return
+        if landing.setting_out or self._landed_ns is None:
             self._ahead.pause()
+            self._pass(landing.time_ns)
             return
         self._ahead.land()
-        lasted_s = (landing.time_ns - started_ns) / NS_PER_S
-        step = Step(started_ns, landing.time_ns, 0.0, 0.0)
+        self._end_step(landing.time_ns)
+        self._closing.land(landing.time_ns)
+
+    def _pass(self, time_ns: int) -> list[_Moment]:
+        """Take a foot to have landed; return the moments up to then, which count no more."""
+        self._landed_ns = time_ns
+        passed = [moment for moment in self._moments if moment.time_ns <= time_ns]
+        for _ in passed:
+            self._moments.popleft()
+        return passed
+
+    def _end_step(self, time_ns: int) -> None:
+        """Tell, or keep waiting, the step from the landing before until ``time_ns``."""
+        started_ns = time_ns if self._landed_ns is None else self._landed_ns
+        passed = self._pass(time_ns)
+        lasted_s = (time_ns - started_ns) / NS_PER_S
+        step = Step(started_ns, time_ns, 0.0, 0.0)
         bounces_m_s2 = [moment.up_m_s2 for moment in passed]
         length_m = self._step_scale * self._lengths.length_m(lasted_s, bounces_m_s2)
         attitudes = [moment.nav_from_sensor for moment in passed[::-ATTITUDE_EVERY]][::-1]
         since_ns = started_ns if self._told_ns is None else self._told_ns
-        since_s = (landing.time_ns - since_ns) / NS_PER_S
+        since_s = (time_ns - since_ns) / NS_PER_S
         self._waiting.append(
             _Step(step, length_m, attitudes, since_s, self._turn_variance(since_s))
         )
-        self._told_ns, self._gap_s = landing.time_ns, 0.0
+        self._told_ns, self._gap_s = time_ns, 0.0
         if self._ahead.steps >= KNOWN_AFTER_STEPS:
             self._tell_waiting()
 

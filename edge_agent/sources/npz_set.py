@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import structlog
 from numpy.typing import NDArray
 
 from edge_agent.evaluation.course_truth import DrivenSpeed, MountTruth, StepCount, Waypoints
@@ -36,7 +37,15 @@ SENSORS = ("acc_m_s2", "gyr_rad_s")
 BURSTS_SHARE = 0.05
 """Of samples with the stamp of the one before: so many come in bursts, fewer are passed over."""
 
+LONGEST_PERIOD_S, SHORTEST_PERIOD_S = 0.2, 0.0002
+"""Between samples: nothing is told of who wears a slower sensor, and no inertial one is faster."""
+
+BESIDE_S = 2.0
+"""A way-point so long before the first sample, or after the last, is still of the recording."""
+
 _NED_FROM_Z_UP = np.array([1.0, -1.0, -1.0])
+
+_log = structlog.stdlib.get_logger(__name__)
 
 
 class NpzSet(NamedTuple):
@@ -73,6 +82,7 @@ def _read(path: Path, *, needs_gyro: bool) -> NpzSet:
     if count < 2:
         raise SourceError(f"{path}: {clock} has shape {time_s.shape}; two samples or more needed")
     _refuse_no_times(path, clock, time_s)
+    _refuse_no_pace(path, clock, time_s)
     rate_rad_s = _at(path, arrays, ("t_gyr_s", "gyr_rad_s"), time_s)
     field_gauss = _at(path, arrays, ("t_mag_s", "mag_gauss"), time_s)
     force_m_s2 = array_of(path, arrays, "acc_m_s2", (count, 3))
@@ -103,6 +113,23 @@ def _stamped(recording: Recording) -> Recording:
 def _refuse_no_times(path: Path, name: str, time_s: Array) -> None:
     if not np.isfinite(time_s).all() or np.abs(time_s).max(initial=0.0) > LARGEST_TIME_S:
         raise SourceError(f"{path}: {name} holds times that are no seconds; export it again")
+
+
+def _refuse_no_pace(path: Path, name: str, time_s: Array) -> None:
+    """Refuse times in another unit, and those that lost what is behind the point."""
+    apart_s = np.abs(np.diff(time_s))
+    if not apart_s.any():
+        raise SourceError(
+            f"{path}: {name} is {time_s[0]:g} in all {len(time_s)} samples: the recorder's clock "
+            "stood still; give the sensor's own times"
+        )
+    # Samples may come in bursts of one stamp, and pauses may be long.
+    usual_s, mean_s = float(np.median(apart_s[apart_s > 0.0])), float(apart_s.mean())
+    if min(usual_s, mean_s) > LONGEST_PERIOD_S or max(usual_s, mean_s) < SHORTEST_PERIOD_S:
+        raise SourceError(
+            f"{path}: {name} advances by {usual_s:.3g} s a sample, which is no inertial sensor's: "
+            "give times in seconds, in 64 bits, 25 a second or more"
+        )
 
 
 def _at(
@@ -146,6 +173,7 @@ def _course(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth |
         array_of(path, arrays, "truth_waypoint_t_xy", (len(rows), 3))
         if not (np.isfinite(rows).all() and np.all(np.diff(rows[:, 0]) > 0.0)):
             raise SourceError(f"{path}: truth_waypoint_t_xy: no rising times and places in it")
+        rows = _walked(path, rows, time_s)
         return Waypoints(rows[:, 0], rows[:, 1:] * _NED_FROM_Z_UP[:2])
     if "truth_steps" in arrays:
         return StepCount(time_s, array_of(path, arrays, "truth_steps", (len(time_s),)))
@@ -161,6 +189,18 @@ def _course(path: Path, arrays: dict[str, Array], time_s: Array) -> MountTruth |
             raise SourceError(f"{path}: truth_speed_m_s holds no speed; export it again")
         return DrivenSpeed(truth_s[told], speed_m_s[told])
     return None
+
+
+def _walked(path: Path, rows: Array, time_s: Array) -> Array:
+    """Return the way-points (k, 3) that were passed while there were samples."""
+    first_s, last_s = time_s.min() - BESIDE_S, time_s.max() + BESIDE_S
+    walked: Array = rows[(rows[:, 0] >= first_s) & (rows[:, 0] <= last_s)]
+    if len(rows) and not len(walked):
+        raise SourceError(f"{path}: truth_waypoint_t_xy is of another time than the samples")
+    if len(walked) < len(rows):
+        reason = f"no samples at {len(rows) - len(walked)} of {len(rows)} way-points"
+        _log.warning(f"{path}: scored as far as it was recorded", reason=reason)
+    return walked
 
 
 def _flight_ends(path: Path, arrays: dict[str, Array], time_s: Array) -> NDArray[np.int64]:

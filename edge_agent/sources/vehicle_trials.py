@@ -25,6 +25,9 @@ PIECE_S = 60.0
 SLIPPING_S = 25.0
 """In a shorter drive there is no time to slip three times."""
 
+STEADY_RAD_S = 0.5
+"""Half of the time a car turns less, on any road: some 0.02, which is 1.2 in degrees."""
+
 BEYOND_S = 0.1
 """Samples further from the first or the last true speed are not of the drive."""
 
@@ -38,6 +41,12 @@ def pieces_of(path: Path) -> tuple[FixedDrive, ...]:
     recording, truth = read_npz_set(path)
     if not isinstance(truth, DrivenSpeed):
         raise SourceError(f"{path}: no speed of a vehicle in it: truth_t_s and truth_speed_m_s")
+    turning_rad_s = np.nanmedian(np.linalg.norm(recording.rate_rad_s, axis=1))
+    if turning_rad_s > STEADY_RAD_S:
+        raise SourceError(
+            f"{path}: gyr_rad_s mostly reads {turning_rad_s:.2g}, more than a car turns: is it in "
+            "°/s?"
+        )
     time_s = recording.time_ns / NS_PER_S
     known = (time_s > truth.time_s[0] - BEYOND_S) & (time_s < truth.time_s[-1] + BEYOND_S)
     if np.count_nonzero(known) < 2:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from edge_agent.evaluation.course_truth import Waypoints
 from edge_agent.evaluation.truth import Truth
 from edge_agent.sources.npz_set import read_npz_set
 from edge_agent.sources.recording import SourceError
@@ -109,6 +110,17 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
         "truth_t_s has shape (9, 2)",
     ),
     "truth is no number": ({"truth_xyz_m": np.full((200, 3), np.nan)}, "truth_xyz_m: not all"),
+    "a clock that stands": ({"t_s": np.full(200, 5.0)}, "clock stood still"),
+    "times in ms": ({"t_s": 5e3 + 10.0 * np.arange(200)}, "advances by 10 s a sample"),
+    "times in minutes": ({"t_s": np.arange(200) / 6e3 / 60.0}, "no inertial sensor's"),
+    "times in 32 bits": (
+        {"t_s": (1.6e9 + np.arange(200) / 1.0).astype(np.float32)},
+        "in 64 bits",
+    ),
+    "way-points of another day": (
+        {"truth_waypoint_t_xy": np.array([[9e4, 0.0, 0.0], [9.1e4, 1.0, 0.0]])},
+        "of another time than the samples",
+    ),
     "short truth": (
         {"truth_t_s": np.arange(3.0), "truth_heel_xyz_m": np.zeros((3, 3))},
         "truth_heel_xyz_m",
@@ -138,6 +150,21 @@ def test_stamps_of_bursts_are_spread(npz: Path) -> None:
     assert len(recording) == 200
     apart_s = np.diff(recording.time_ns) / 1e9
     assert apart_s == pytest.approx(np.diff(even_s).mean(), rel=0.03)
+
+
+def test_way_points_after_the_end_of_a_recording_are_left_out(npz: Path) -> None:
+    places = np.array([[5.0, 0.0, 0.0], [6.0, 1.0, 0.0], [60.0, 9.0, 0.0]])
+    np.savez(npz, **arrays(), truth_waypoint_t_xy=places)
+    truth = read_npz_set(npz).truth
+    assert isinstance(truth, Waypoints)
+    assert truth.time_s.tolist() == [5.0, 6.0]
+
+
+def test_bursts_with_pauses_between_them_are_no_slow_sensor(npz: Path) -> None:
+    told = arrays()
+    told["t_s"] = np.repeat([5.0, 5.5, 6.0, 6.5], 50)
+    np.savez(npz, **told)
+    assert len(read_npz_set(npz).recording) > 0
 
 
 @pytest.mark.parametrize("kept", [0, 10, 1000, -30])

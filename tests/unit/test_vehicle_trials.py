@@ -52,3 +52,12 @@ def test_without_a_speed_there_is_no_drive_and_it_is_said_where(tmp_path: Path) 
     with pytest.raises(SourceError, match="no speed of a vehicle in it") as refused:
         trial.load()
     assert str(path) in str(refused.value)
+
+
+def test_rates_in_degrees_are_refused(tmp_path: Path) -> None:
+    path = drive(tmp_path, 12.0, 12.0)
+    with np.load(path) as arrays:
+        told = {**arrays, "gyr_rad_s": np.full((len(arrays["t_s"]), 3), 1.2)}
+    np.savez(path, **told)
+    with pytest.raises(SourceError, match="is it in °/s"):
+        pieces_of(path)
