@@ -253,10 +253,10 @@ def storey_shares(
 
     The normal density of the height, cut half-way between neighbouring storeys.
     """
-    if not levels_m:
-        return []
-    cuts = [-math.inf, *((high + low) / 2.0 for low, high in pairwise(levels_m)), math.inf]
-    below = [_normal((cut - down_m) / max(sd_m, 1e-3)) for cut in cuts]
+    if len(levels_m) < 2:
+        return [(level_m, 1.0) for level_m in levels_m]
+    cuts = ((high + low) / 2.0 for low, high in pairwise(levels_m))
+    below = [0.0, *(_normal((cut - down_m) / max(sd_m, 1e-3)) for cut in cuts), 1.0]
     shares = [high - low for low, high in pairwise(below)]
     return sorted(zip(levels_m, shares, strict=True), key=lambda each: (-each[1], each[0]))
 
