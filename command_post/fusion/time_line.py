@@ -93,13 +93,13 @@ class TimeLine:
         key, message, time_ns = event
         remembered = self._remembered.get(key)
         if remembered is None:
-            remembered = self._remembered[key] = _Remembered()
+            remembered = self._remembered[key] = _Remembered(str(key))
         if not remembered.is_new(message):
             self.counts["repeated"] += 1
             return
         due_ns = min(time_ns, now_ns + self._hold_ns) + self._hold_ns
         self.counts["late"] += due_ns <= now_ns
-        order = (due_ns, time_ns, str(key), message.sequence, self._arrived)
+        order = (due_ns, time_ns, remembered.key_text, message.sequence, self._arrived)
         self._arrived += 1
         heapq.heappush(self._waiting, _Waiting(*order, event))
 
@@ -130,7 +130,8 @@ class TimeLine:
 class _Remembered:
     """The last messages of one key, by number and time: a sender that restarts counts from 0."""
 
-    def __init__(self) -> None:
+    def __init__(self, key_text: str) -> None:
+        self.key_text = key_text
         self._order: deque[tuple[int, int]] = deque()
         self._known: set[tuple[int, int]] = set()
 

@@ -209,4 +209,4 @@ def told_covariance(nn: float, ne: float, ee: float) -> tuple[float, float, floa
 
 def within(value: float, bound: float) -> float:
     """Return ``value``, or the bound that it is beyond."""
-    return min(max(value, -bound), bound)
+    return value if -bound < value < bound else min(max(value, -bound), bound)

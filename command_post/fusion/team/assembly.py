@@ -23,6 +23,7 @@ from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.ties import PlaceId, Ties, asides_m2, level_sd_m, ties_of
+from shared.compiled import compiled
 from shared.units import NS_PER_S
 
 UNKNOWN_SD_M = 1000.0
@@ -288,21 +289,41 @@ def _moves(
     chain: Chain, nodes: Ints, first: int, first_unit: int, noise: Noise
 ) -> tuple[Floats, Ints]:
     """Return a chain's rows of ``Graph.move`` and ``Graph.move_at``."""
-    one, other = nodes[:-1], nodes[1:]
-    way_m = chain.way_m[other] - chain.way_m[one]
-    duration_s = (chain.time_ns[other] - chain.time_ns[one]) / NS_PER_S
-    place_m2, turn_rad2 = (chain.variance[other] - chain.variance[one]).T
-    length_m = chain.length_m[other] - chain.length_m[one]
-    # The turn goes evenly from one end's to the other's; where it did not, the way bends.
-    sd_m = noise.places * (np.sqrt(place_m2) + 0.29 * length_m * np.sqrt(turn_rad2))
-    sd_rad = noise.turns * np.sqrt(turn_rad2)
-    link = np.searchsorted(other, chain.links)
-    sd_m[link] = np.sqrt(place_m2[link])
-    sd_rad[link] = UNKNOWN_TURN_SD_RAD
-    rows = np.column_stack([way_m, duration_s, np.maximum(sd_m, 0.01), np.maximum(sd_rad, 1e-4)])
-    scale = FIRST_UNIT + 2 * (first_unit + chain.unit[other])
-    at = np.column_stack([first + np.arange(len(one)), scale, np.zeros(len(one), np.int64)])
-    return rows, at.astype(np.int64)
+    rows, at = np.empty((len(nodes) - 1, 5)), np.zeros((len(nodes) - 1, 3), np.int64)
+    at[:, 0] = np.arange(first, first + len(at))
+    at[:, 1] = FIRST_UNIT + 2 * (first_unit + chain.unit[nodes[1:]])
+    _write_moves(
+        chain.time_ns, chain.way_m, chain.length_m, chain.variance, nodes, chain.links,
+        noise.places, noise.turns, rows,
+    )  # fmt: skip
+    return rows, at
+
+
+@compiled
+def _write_moves(
+    time_ns: Ints, way_m: Floats, length_m: Floats, variance: Floats, nodes: Ints, links: Ints,
+    places: float, turns: float, rows: Floats,
+) -> None:  # fmt: skip
+    """Write rows of ``Graph.move`` from each of a chain's ``nodes`` to the next, by its fields.
+
+    Deviations are so many times as wide as told: ``places``, ``turns``.
+    """
+    passed = 0
+    for row in range(nodes.size - 1):
+        one, other = nodes[row], nodes[row + 1]
+        place_sd_m = math.sqrt(variance[other, 0] - variance[one, 0])
+        turn_sd_rad = math.sqrt(variance[other, 1] - variance[one, 1])
+        if passed < links.size and links[passed] == other:
+            passed += 1
+            sd_m, sd_rad = place_sd_m, UNKNOWN_TURN_SD_RAD
+        else:
+            # The turn goes evenly from one end's to the other's; where it did not, the way bends.
+            bent_m = 0.29 * (length_m[other] - length_m[one]) * turn_sd_rad
+            sd_m, sd_rad = places * (place_sd_m + bent_m), turns * turn_sd_rad
+        rows[row, 0] = way_m[other, 0] - way_m[one, 0]
+        rows[row, 1] = way_m[other, 1] - way_m[one, 1]
+        rows[row, 2] = (time_ns[other] - time_ns[one]) / NS_PER_S
+        rows[row, 3], rows[row, 4] = max(sd_m, 0.01), max(sd_rad, 1e-4)
 
 
 def _straights(

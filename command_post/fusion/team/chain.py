@@ -8,6 +8,7 @@ from collections.abc import Set as AbstractSet
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from command_post.fusion.team.log import ResponderLog, Start
 from command_post.fusion.team.move_log import (
@@ -167,79 +168,107 @@ def chain_of(
     if not starts:
         return None
     moves = log.moves.until(until_ns)
-    added = _link_rows(moves, starts, settings)
-    order = np.argsort(np.concatenate([added.time_ns, moves.end_ns]), kind="stable")
-    # Mostly all starts are before all moves.
-    is_ordered = bool((order[1:] > order[:-1]).all())
-    unseen = unseen_before(moves, settings)
-    own = _move_rows(moves, unseen, settings)
-
-    def merged(one: Floats | Ints, other: Floats | Ints) -> Floats:
-        both = np.concatenate([one, other])
-        return np.asarray(both if is_ordered else both[order])
-
-    unit_of_row = merged(np.arange(len(starts)), np.zeros(moves.end_ns.size, np.int64))
+    own = _Own(
+        settings.restart_sd_m**2, settings.restart_speed_m_s, settings.restart_climb_share**2,
+        settings.stride_sd_m, settings.stride_sd_share, settings.told_turn_factor**2,
+        settings.stride_turn_sd_rad**2,
+    )  # fmt: skip
+    begins_ns = np.array([start.time_ns for start in starts], np.int64)
+    count = begins_ns.size + moves.end_ns.size
+    time_ns, begin_ns, unit, begins = np.empty((4, count), np.int64)
+    sums = _Sums(*(np.empty((count, width)) for width in (2, 1, 2, 2)))
+    order = np.argsort(begins_ns, kind="stable")
+    _lay_out(
+        moves, unseen_before(moves, settings), begins_ns, order, own,
+        (time_ns, begin_ns, unit, begins), sums,
+    )  # fmt: skip
     return Chain(
-        responder_id,
-        time_ns=merged(added.time_ns, moves.end_ns).astype(np.int64),
-        begin_ns=merged(added.time_ns, unseen.since_ns).astype(np.int64),
-        way_m=np.cumsum(merged(np.zeros((len(starts), 2)), own.step_m), axis=0),
-        length_m=np.cumsum(merged(np.zeros(len(starts)), own.length_m)),
-        variance=np.cumsum(merged(added.variance, own.variance), axis=0),
-        rise=np.cumsum(merged(added.rise, own.rise), axis=0),
-        unit=np.maximum.accumulate(unit_of_row),
-        links=np.flatnonzero(order < len(starts))[1:],
-        starts=starts,
-    )
+        responder_id, time_ns, begin_ns, sums.way_m, sums.length_m.ravel(), sums.variance,
+        sums.rise, unit, np.flatnonzero(begins)[1:], starts,
+    )  # fmt: skip
 
 
-class _Links(NamedTuple):
-    time_ns: Ints
-    variance: Floats
-    rise: Floats
+class _Own(NamedTuple):
+    """What an agent cannot know of itself, as the settings have it: see ``TeamSettings``."""
+
+    restart_m2: float
+    restart_speed_m_s: float
+    restart_climb_share2: float
+    stride_sd_m: float
+    stride_sd_share: float
+    told_turn_factor2: float
+    stride_turn_rad2: float
 
 
-class _Rows(NamedTuple):
-    step_m: Floats
+class _Sums(NamedTuple):
+    """What ``Chain`` sums up, by stance: its fields of these names, lengths as (k, 1)."""
+
+    way_m: Floats
     length_m: Floats
     variance: Floats
     rise: Floats
 
 
-def _link_rows(moves: Moves, starts: list[Start], settings: TeamSettings) -> _Links:
-    """One row a unit: while nobody counted, its wearer may have gone anywhere they could reach."""
-    time_ns = np.array([start.time_ns for start in starts], np.int64)
-    last = np.searchsorted(moves.end_ns, time_ns, side="right") - 1
-    silent_s = (
-        np.where(last >= 0, time_ns - moves.end_ns[np.maximum(last, 0)], 0) / NS_PER_S
-        if moves.end_ns.size
-        else np.zeros(len(starts))
-    )
-    gone_m2 = settings.restart_sd_m**2 + (settings.restart_speed_m_s * silent_s) ** 2
-    gone_m2[0] = 0.0
-    nothing = np.zeros(len(starts))
-    climbed_m2 = gone_m2 * settings.restart_climb_share**2
-    return _Links(
-        time_ns, np.column_stack([gone_m2, nothing]), np.column_stack([nothing, climbed_m2])
-    )
+@compiled
+def _lay_out(
+    moves: Moves, unseen: Unseen, begins_ns: Ints, order: Ints, own: _Own,
+    stances: tuple[Ints, Ints, Ints, Ints], sums: _Sums,
+) -> None:  # fmt: skip
+    """Write a chain's stances by time, units' beginnings before what ends at the same time.
+
+    ``stances`` are ``Chain.time_ns``, ``begin_ns`` and ``unit``, and whether a unit begins;
+    ``order`` is that of the beginnings.
+    """
+    times_ns, since_ns, units, begins = stances
+    total = np.zeros(7)
+    started = unit = 0
+    for stance in range(times_ns.size):
+        moved = stance - started
+        is_beginning = started < order.size and (
+            moved == moves.end_ns.size or begins_ns[order[started]] <= moves.end_ns[moved]
+        )
+        if is_beginning:
+            times_ns[stance] = since_ns[stance] = begins_ns[order[started]]
+            unit = max(unit, order[started])
+            _add_beginning(total, moves, times_ns[stance], order[started], own)
+            started += 1
+        else:
+            times_ns[stance], since_ns[stance] = moves.end_ns[moved], unseen.since_ns[moved]
+            _add_move(total, moves, unseen, moved, own)
+        units[stance], begins[stance] = unit, is_beginning
+        sums.way_m[stance] = total[0:2]
+        sums.length_m[stance] = total[2:3]
+        sums.variance[stance] = total[3:5]
+        sums.rise[stance] = total[5:7]
 
 
-def _move_rows(moves: Moves, unseen: Unseen, settings: TeamSettings) -> _Rows:
-    """One row a move, with variances that allow for what an agent cannot know of itself."""
-    step_m, values = moves.values[:, [NORTH, EAST]], moves.values
-    length_m = np.hypot(step_m[:, 0], step_m[:, 1])
-    own_m2 = (settings.stride_sd_m + settings.stride_sd_share * length_m) ** 2
-    place_m2 = values[:, PLACE_M2] + own_m2 + unseen.place_m2
-    told_rad2 = settings.told_turn_factor**2 * values[:, TURN_RAD2]
-    turn_rad2 = told_rad2 + settings.stride_turn_sd_rad**2 + unseen.turn_rad2
-    return _Rows(
-        step_m + unseen.way_m[:, :2],
-        length_m + np.hypot(unseen.way_m[:, 0], unseen.way_m[:, 1]),
-        np.column_stack([place_m2, turn_rad2]),
-        np.column_stack([
-            values[:, DOWN] + unseen.way_m[:, 2], values[:, DOWN_M2] + unseen.down_m2
-        ]),
-    )  # fmt: skip
+@compiled
+def _add_beginning(total: Floats, moves: Moves, time_ns: int, unit: int, own: _Own) -> None:
+    """Add a unit's beginning: before, its wearer may have gone anywhere they could reach."""
+    if unit == 0:
+        return
+    last = int(np.searchsorted(moves.end_ns, time_ns, side="right")) - 1
+    silent_s = (time_ns - moves.end_ns[last]) / NS_PER_S if last >= 0 else 0.0
+    gone_m = own.restart_speed_m_s * silent_s
+    gone_m2 = own.restart_m2 + gone_m * gone_m
+    total[3] += gone_m2
+    total[6] += gone_m2 * own.restart_climb_share2
+
+
+@compiled
+def _add_move(total: Floats, moves: Moves, unseen: Unseen, k: int, own: _Own) -> None:
+    """Add a move, with variances that allow for what an agent cannot know of itself."""
+    values, unseen_m = moves.values[k], unseen.way_m[k]
+    length_m = math.hypot(values[NORTH], values[EAST])
+    own_m = own.stride_sd_m + own.stride_sd_share * length_m
+    told_rad2 = own.told_turn_factor2 * values[TURN_RAD2]
+    total[0] += values[NORTH] + unseen_m[0]
+    total[1] += values[EAST] + unseen_m[1]
+    total[2] += length_m + math.hypot(unseen_m[0], unseen_m[1])
+    total[3] += values[PLACE_M2] + own_m * own_m + unseen.place_m2[k]
+    total[4] += told_rad2 + own.stride_turn_rad2 + unseen.turn_rad2[k]
+    total[5] += values[DOWN] + unseen_m[2]
+    total[6] += values[DOWN_M2] + unseen.down_m2[k]
 
 
 def straight_moves(
@@ -250,15 +279,29 @@ def straight_moves(
     Directions are in the unit's frame; moves are those of units in ``held`` alone.
     """
     is_held = np.array([chain.unit_name(unit) in held for unit in range(len(chain.starts))])
-    way_m = np.diff(chain.way_m[nodes], axis=0)
-    straight_m = np.sqrt(way_m[:, 0] * way_m[:, 0] + way_m[:, 1] * way_m[:, 1])
-    length_m = np.diff(chain.length_m[nodes])
-    found = np.flatnonzero(
-        (straight_m > settings.straight_least_m)
-        & (straight_m >= settings.straight_share * length_m)
-        & is_held[chain.unit[nodes[1:]]]
-    )
-    return found, np.array([math.atan2(east, north) for north, east in way_m[found].tolist()])
+    return _straight(
+        chain.way_m, chain.length_m, chain.unit, nodes, is_held,
+        settings.straight_least_m, settings.straight_share,
+    )  # fmt: skip
+
+
+@compiled
+def _straight(
+    way_m: Floats, length_m: Floats, unit: Ints, nodes: Ints, is_held: NDArray[np.bool_],
+    least_m: float, share: float,
+) -> tuple[Ints, Floats]:  # fmt: skip
+    """Return which moves are straight, of those of held units, and their directions (rad)."""
+    found, direction_rad = np.empty(nodes.size, np.int64), np.empty(nodes.size)
+    count = 0
+    for move in range(nodes.size - 1):
+        one, other = nodes[move], nodes[move + 1]
+        north_m, east_m = way_m[other, 0] - way_m[one, 0], way_m[other, 1] - way_m[one, 1]
+        straight_m = math.sqrt(north_m * north_m + east_m * east_m)
+        is_straight = straight_m >= share * (length_m[other] - length_m[one])
+        if straight_m > least_m and is_straight and is_held[unit[other]]:
+            found[count], direction_rad[count] = move, math.atan2(east_m, north_m)
+            count += 1
+    return found[:count].copy(), direction_rad[:count].copy()
 
 
 @compiled

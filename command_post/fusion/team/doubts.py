@@ -174,18 +174,21 @@ def _nodes(solved: Solved) -> list[_Node]:
     chains = solved.assembled.chains
     of_dap = by_key([each for each in passes if each.place[0] == "dap"], lambda each: each.place[1])
     of_responder = by_key(passes, lambda each: chains[each.chain].responder_id)
-    found = [_Node("dap", dap_id, own, _misfit(own, passes)) for dap_id, own in of_dap.items()]
+    count, cost = len(passes), math.fsum(each.cost for each in passes)
+    found = [_Node("dap", dap_id, own, _misfit(own, count, cost)) for dap_id, own in of_dap.items()]
     for responder_id, own in of_responder.items():
-        misfit = _misfit(own, passes) + _strain(solved, own[0].chain)
+        misfit = _misfit(own, count, cost) + _strain(solved, own[0].chain)
         found.append(_Node("responder", responder_id, own, misfit))
     return found
 
 
-def _misfit(own: list[Pass], passes: list[Pass]) -> float:
-    """Return how much some of a node's passes cost, or all of them beside other nodes'."""
+def _misfit(own: list[Pass], count: int, cost: float) -> float:
+    """Return how much some of a node's passes cost, or all of them beside other nodes'.
+
+    There are ``count`` passes in all, which cost as much as ``cost``.
+    """
     own_cost = math.fsum(each.cost for each in own)
-    rest = max(len(passes) - len(own), 1)
-    rest_cost = (math.fsum(each.cost for each in passes) - own_cost) / rest
+    rest_cost = (cost - own_cost) / max(count - len(own), 1)
     return math.fsum(max(each.cost - STANDS_OUT, 0.0) for each in own) + max(
         own_cost - TIMES_THE_REST * rest_cost * len(own), 0.0
     )

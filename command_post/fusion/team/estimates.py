@@ -107,13 +107,14 @@ def estimate_of(
     dn, de = _moved(pose, since)
     time_ns = since.end_ns
     silent_s = max(now_ns - max(time_ns - pose.ahead_ns, log.known_by(now_ns)), 0) / NS_PER_S
-    unheard_m2 = unheard_m(silent_s, log, settings) ** 2
+    silent = is_silent(silent_s, log, settings)
+    unheard_m2 = unheard_m(silent_s, log, settings) ** 2 if silent else 0.0
     nn, ne, ee, turn_rad2 = _covariance(pose, since, (dn, de), unheard_m2, settings)
     down_m = pose.down[0] + math.fsum(since.down_m)
     down_m2 = pose.down[1] + max(math.fsum(since.down_m2), 0.0)
     down_sd_m = math.sqrt(max(down_m2, 0.0))
     status, reason = _status(pose, time_ns, (nn, ne, ee), turn_rad2, settings)
-    if is_silent(silent_s, log, settings):
+    if silent:
         status = "lost" if silent_s > settings.silence_s else "dead_reckoning"
         reason = f"{SILENT} for {silent_s:.0f} s"
     last = log.moves.last_heading_rad

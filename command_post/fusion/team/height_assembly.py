@@ -13,6 +13,7 @@ from command_post.fusion.team.log import Height, TeamLog
 from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.ties import PlaceId
+from shared.compiled import compiled
 
 UNKNOWN_HEIGHT_SD_M = 100.0
 LEAST_SD_M = 0.02
@@ -83,11 +84,21 @@ def walked_storeys(assembled: Assembled, heights: Heights) -> Floats:
 
 def _rows(assembled: Assembled, index: int) -> tuple[Floats, Ints]:
     """Return a chain's rows of ``HeightGraph.move`` and ``move_at``."""
-    chain, nodes = assembled.chains[index], assembled.nodes[index]
-    down_m, variance_m2 = np.diff(chain.rise[nodes], axis=0).T
-    sd_m = np.maximum(np.sqrt(np.maximum(variance_m2, 0.0)), LEAST_SD_M)
     first = int(assembled.graph.first[index])
-    return np.column_stack([down_m, sd_m]), first + np.arange(len(sd_m))
+    rows = _rises(assembled.chains[index].rise, assembled.nodes[index])
+    return rows, np.arange(first, first + len(rows))
+
+
+@compiled
+def _rises(rise: Floats, nodes: Ints) -> Floats:
+    """Return how far it goes down (m) from each of the ``nodes`` to the next, give or take."""
+    rows = np.empty((nodes.size - 1, 2))
+    for row in range(nodes.size - 1):
+        one, other = nodes[row], nodes[row + 1]
+        rows[row, 0] = rise[other, 0] - rise[one, 0]
+        variance_m2 = max(rise[other, 1] - rise[one, 1], 0.0)
+        rows[row, 1] = max(math.sqrt(variance_m2), LEAST_SD_M)
+    return rows
 
 
 def _fixes(

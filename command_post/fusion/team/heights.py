@@ -212,14 +212,11 @@ def storeys(down_m: Floats, walked_m: Floats) -> Floats:
     most was walked is a storey, then the one with most of what is left a storey's height away.
     """
     bins = np.floor(down_m / BIN_M + 0.5).astype(np.int64)
-    walked: dict[int, list[float]] = {}
-    moments: dict[int, list[float]] = {}
-    for each, height_m, length_m in zip(
-        bins.tolist(), down_m.tolist(), walked_m.tolist(), strict=True
-    ):
-        walked.setdefault(each, []).append(length_m)
-        moments.setdefault(each, []).append(length_m * height_m)
-    left = {each: math.fsum(lengths) for each, lengths in walked.items()}
+    order = np.argsort(bins, kind="stable")
+    numbers, first = np.unique(bins[order], return_index=True)
+    of_bin = dict(zip(numbers.tolist(), pairwise([*first.tolist(), bins.size]), strict=True))
+    lengths_m, moments = walked_m[order].tolist(), (walked_m * down_m)[order].tolist()
+    left = {each: math.fsum(lengths_m[slice(*rows)]) for each, rows in of_bin.items()}
     found: list[float] = []
     while left:
         about = {
@@ -230,7 +227,7 @@ def storeys(down_m: Floats, walked_m: Floats) -> Floats:
         if about[best] < LEAST_WALKED_M:
             break
         near = [each for each in left if abs(each - best) <= REACH]
-        level_m = math.fsum(m for each in near for m in moments[each]) / about[best]
+        level_m = math.fsum(m for each in near for m in moments[slice(*of_bin[each])]) / about[best]
         if all(abs(level_m - other_m) >= STOREY_AT_LEAST_M for other_m in found):
             found.append(level_m)
         left = {e: w for e, w in left.items() if abs(e - best) > REACH}
@@ -253,10 +250,10 @@ def storey_shares(
 
     The normal density of the height, cut half-way between neighbouring storeys.
     """
-    if not levels_m:
-        return []
-    cuts = [-math.inf, *((high + low) / 2.0 for low, high in pairwise(levels_m)), math.inf]
-    below = [_normal((cut - down_m) / max(sd_m, 1e-3)) for cut in cuts]
+    if len(levels_m) < 2:
+        return [(level_m, 1.0) for level_m in levels_m]
+    cuts = ((high + low) / 2.0 for low, high in pairwise(levels_m))
+    below = [0.0, *(_normal((cut - down_m) / max(sd_m, 1e-3)) for cut in cuts), 1.0]
     shares = [high - low for low, high in pairwise(below)]
     return sorted(zip(levels_m, shares, strict=True), key=lambda each: (-each[1], each[0]))
 

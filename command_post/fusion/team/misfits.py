@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from command_post.fusion.team.arithmetic import carried, logarithm
-from command_post.fusion.team.graph import LEAD, PLACE_DOF, TURN_DOF
+from command_post.fusion.team.graph import LEAD, PLACE_DOF, TURN_DOF, Floats, Ints
 from command_post.fusion.team.solving import Solved
 from command_post.fusion.team.ties import PlaceId
+from shared.compiled import compiled
 from shared.units import NS_PER_S
 
 EXPECTED_COST = 3.0
@@ -40,17 +41,19 @@ def passes_of(solved: Solved) -> list[Pass]:
     """Return all ties of a solution, with their costs, in the graph's order."""
     graph = solved.assembled.graph
     lead_s = float(solved.arrow[LEAD])
+    arrow, base = solved.arrow.tolist(), solved.assembled.place_column(0)
+    of_chain = np.searchsorted(graph.first, graph.tie_at[:, 0], side="right") - 1
     found = []
-    for (node, column, *_), row in zip(graph.tie_at.tolist(), graph.tie.tolist(), strict=True):
+    for chain, (node, column, *_), row in zip(
+        of_chain.tolist(), graph.tie_at.tolist(), graph.tie.tolist(), strict=True
+    ):
         north_m, east_m, sd_m, dof, fast_north, fast_east = row
-        chain = int(np.searchsorted(graph.first, node, side="right")) - 1
         stance = solved.assembled.nodes[chain][node - int(graph.first[chain])]
         north, east = carried(
             solved.pose[node], north_m + lead_s * fast_north, east_m + lead_s * fast_east
         )
-        place_n, place_e = solved.arrow[column : column + 2].tolist()
-        off2 = ((north - place_n) ** 2 + (east - place_e) ** 2) / sd_m**2
-        place = solved.assembled.places[(column - solved.assembled.place_column(0)) // 2]
+        off2 = ((north - arrow[column]) ** 2 + (east - arrow[column + 1]) ** 2) / sd_m**2
+        place = solved.assembled.places[(column - base) // 2]
         time_ns = int(solved.assembled.chains[chain].time_ns[stance])
         found.append(
             Pass(chain, time_ns, place, north, east, sd_m, dof, robust_cost(off2, dof, 2.0))
@@ -84,19 +87,27 @@ def worst_bend(solved: Solved, chain: int) -> Bend:
     """Return the move of a responder whose turn costs most."""
     graph, assembled = solved.assembled.graph, solved.assembled
     first, end = graph.first[chain : chain + 2].tolist()
-    worst = Bend(0, 0.0)
-    row = first - chain
-    for at in range(end - first - 1):
-        node, scale, _ = graph.move_at[row + at].tolist()
-        duration_s, _, sd_rad = graph.move[row + at, 2:].tolist()
-        turned_rad = solved.pose[node + 1, 2] - solved.pose[node, 2]
-        off = float(turned_rad - solved.arrow[scale + 1] * duration_s) / sd_rad
-        cost = robust_cost(off * off, TURN_DOF, 1.0)
-        if cost > worst.cost:
-            one, other = assembled.nodes[chain][at : at + 2].tolist()
-            times = assembled.chains[chain].time_ns
-            worst = Bend((int(times[one]) + int(times[other])) // 2, cost)
-    return worst
+    rows = slice(first - chain, end - 1 - chain)
+    at, cost = _worst_bend(graph.move[rows], graph.move_at[rows], solved.pose, solved.arrow)
+    if at < 0:
+        return Bend(0, 0.0)
+    one, other = assembled.nodes[chain][at : at + 2].tolist()
+    times = assembled.chains[chain].time_ns
+    return Bend((int(times[one]) + int(times[other])) // 2, cost)
+
+
+@compiled
+def _worst_bend(move: Floats, move_at: Ints, pose: Floats, arrow: Floats) -> tuple[int, float]:
+    """Return which of some moves (m, 5) turned worst, the first of those, and what that costs."""
+    worst, most = -1, 0.0
+    for row in range(move_at.shape[0]):
+        node, scale, _ = move_at[row]
+        turned_rad = pose[node + 1, 2] - pose[node, 2]
+        off = (turned_rad - arrow[scale + 1] * move[row, 2]) / move[row, 4]
+        cost = (TURN_DOF + 1.0) * logarithm(1.0 + off * off / TURN_DOF)
+        if cost > most:
+            worst, most = row, cost
+    return worst, most
 
 
 def scatter(passes: Sequence[Pass]) -> float:

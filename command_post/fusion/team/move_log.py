@@ -95,7 +95,7 @@ class MoveLog:
             self._newest = mark
         self._insert(at, increment)
         self._times[at] = increment.event_time_ns, increment.start_time_ns, increment.sequence
-        nn, ee, dd, hh = (increment.covariance[entry] for entry in (0, 4, 7, 9))
+        nn, _, _, _, ee, _, _, dd, _, hh = increment.covariance
         self._values[at] = (
             increment.d_north_m, increment.d_east_m, increment.d_down_m, increment.heading_rad,
             0.5 * max(nn + ee, 0.0), max(hh, 0.0), max(dd, 0.0),

@@ -174,6 +174,7 @@ def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
     arrow = np.zeros(assembled.arrow_size)
     arrow[AXIS] = before.axis_rad
     arrow[LEAD] = before.lead_s
+    fixed = _fixed(assembled)
     for index, chain in enumerate(assembled.chains):
         known = before.chains.get(chain.responder_id)
         first = int(assembled.graph.first[index])
@@ -181,7 +182,7 @@ def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
         if known is not None:
             shared = min(len(units), len(known.units))
             units[:shared] = known.units[:shared]
-        begin = _first_place(assembled, index)
+        begin = fixed[first]
         times, poses = (np.empty(0, np.int64), np.empty((0, 3))) if known is None else known[:2]
         pose[first : first + len(assembled.nodes[index])] = _extended(
             chain.time_ns, chain.way_m, chain.unit, assembled.nodes[index],
@@ -201,12 +202,10 @@ def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
     return pose, arrow
 
 
-def _first_place(assembled: Assembled, chain: int) -> tuple[float, float]:
-    """Return where the chain's first node is fixed."""
-    first = int(assembled.graph.first[chain])
-    row = int(np.flatnonzero(assembled.graph.fix_at == first)[0])
-    _, _, north_m, east_m, _, _ = assembled.graph.fix[row].tolist()
-    return north_m, east_m
+def _fixed(assembled: Assembled) -> dict[int, tuple[float, float]]:
+    """Return where each node is fixed that is, by what was said of it first."""
+    rows = zip(assembled.graph.fix_at.tolist(), assembled.graph.fix.tolist(), strict=True)
+    return {node: (north_m, east_m) for node, (_, _, north_m, east_m, *_) in reversed([*rows])}
 
 
 @compiled
@@ -298,13 +297,15 @@ def turned(
     return pose, arrow
 
 
+@compiled
 def laid_out(pose: Floats, turn_rad: float, way_m: Floats) -> Floats:
     """Return poses (k, 3) along a way (k, 2) in a unit's frame, from ``pose`` turned further."""
-    turn = float(pose[2]) + turn_rad
+    turn = pose[2] + turn_rad
     sine, cosine = sine_cosine(turn)
-    north, east = way_m.T
-    return np.column_stack([
-        pose[0] + cosine * north - sine * east,
-        pose[1] + sine * north + cosine * east,
-        np.full(len(way_m), turn),
-    ])  # fmt: skip
+    poses = np.empty((way_m.shape[0], 3))
+    for k in range(way_m.shape[0]):
+        north, east = way_m[k]
+        poses[k, 0] = pose[0] + cosine * north - sine * east
+        poses[k, 1] = pose[1] + sine * north + cosine * east
+        poses[k, 2] = turn
+    return poses

@@ -116,14 +116,16 @@ def solve(
     if assembled is None:
         return None
     assembled = by_floor(log, assembled, time_ns, settings)
-    return _begun(assembled, before, belief, settings, iterations)
+    begun = begin_from(before, assembled)
+    return _begun(assembled, begun, before, belief, settings, iterations)
 
 
 def _begun(
-    assembled: Assembled, before: Solution, belief: AxisBelief, settings: TeamSettings,
-    iterations: int,
+    assembled: Assembled, begun: tuple[Floats, Floats], before: Solution, belief: AxisBelief,
+    settings: TeamSettings, iterations: int,
 ) -> Solved:  # fmt: skip
-    pose, arrow = begin_from(before, assembled)
+    """Return the graph solved under a belief from where it has ``begun``, which is improved."""
+    pose, arrow = begun
     if belief.mode == "free" and before.belief.mode != "free":
         arrow[AXIS] = belief.axis_rad
     elif belief.mode == "given":
@@ -238,12 +240,14 @@ def _with_axis(
     is not believed before it is known well, by headings, whichever it be: a lone responder who
     hardly knows their heading suits any.
     """
+    begun = begin_from(before, found.assembled)
 
     def under(belief: AxisBelief) -> Solved:
         if belief == found.belief:
             return found
-        believing = found.assembled.believing(belief, settings)
-        return _begun(believing, before, belief, settings, settings.commit_iterations)
+        believing, (pose, arrow) = found.assembled.believing(belief, settings), begun
+        from_here = pose.copy(), arrow.copy()
+        return _begun(believing, from_here, before, belief, settings, settings.commit_iterations)
 
     def cost(tried: Solved, belief_cost: float) -> float:
         """Return a belief's cost with what it takes to change to it."""

@@ -7,7 +7,6 @@ those of all moves anew, in whichever order they came.
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Any
 
 from command_post.fusion.team.move_log import DOWN, DOWN_M2, EAST, NORTH, MoveLog
@@ -128,9 +127,11 @@ def _unseen(times: list[list[int]]) -> tuple[int, int]:
     lost = min(max(number - last_number - 1, 0), MOST_LOST)
     if len(times) <= BEFORE or number <= last_number:
         return lost, 0
-    rests_ns = [late[1] - early[0] for early, late in pairwise(times)]
+    before_ns, before_start_ns, _ = times[-3]
+    rest_before_ns = last_start_ns - before_ns
+    rest_earlier_ns = before_start_ns - times[-4][0] if len(times) > 3 else rest_before_ns
     walked = walked_unseen(
-        lost, end_ns - start_ns, last_ns - last_start_ns, rests_ns[-1], rests_ns[-2],
-        rests_ns[max(len(rests_ns) - 3, 0)],
+        lost, end_ns - start_ns, last_ns - last_start_ns, start_ns - last_ns, rest_before_ns,
+        rest_earlier_ns,
     )  # fmt: skip
     return lost, walked
