@@ -23,6 +23,7 @@ from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.ties import PlaceId, Ties, asides_m2, level_sd_m, ties_of
+from command_post.fusion.team.unheard import unheard_of
 from shared.units import NS_PER_S
 
 UNKNOWN_SD_M = 1000.0
@@ -118,6 +119,10 @@ def assemble(
     if not chains:
         return None
     ties, known = ties_of(log, chains, until_ns, settings)
+    heard = _with_unheard(log, chains, ties, until_ns, settings)
+    if any(one is not other for one, other in zip(heard, chains, strict=True)):
+        chains = heard
+        ties, known = ties_of(log, chains, until_ns, settings)
     is_dap = np.array([place[0] == "dap" for place in ties.place], np.bool_)
     wider = np.where(is_dap & (ties.dof > 0.0), noise.passes, 1.0)
     ties = ties._replace(sd_m=wider * ties.sd_m)
@@ -130,6 +135,21 @@ def assemble(
     assembled = _build(chains, ties, held, fixes, belief, noise, settings)
     assembled.aside_m2 = np.array([asides.get(place, 0.0) for place in assembled.places])
     return assembled
+
+
+def _with_unheard(
+    log: TeamLog, chains: list[Chain], ties: Ties, until_ns: int, settings: TeamSettings
+) -> list[Chain]:
+    """Return the chains with where others told of who was silent; the same if nobody did."""
+    found = list(chains)
+    for index, chain in enumerate(chains):
+        own = log.responders[chain.responder_id]
+        fixed_ns = [fix.time_ns for fix in own.fixes if fix.time_ns <= until_ns]
+        told_ns = np.append(ties.time_ns[ties.chain == index], np.array(fixed_ns, np.int64))
+        unheard = unheard_of(own, chain.time_ns, chain.begin_ns, told_ns, until_ns, settings)
+        if unheard.time_ns.size:
+            found[index] = chain_of(chain.responder_id, own, until_ns, settings, unheard) or chain
+    return found
 
 
 class _FixRow(NamedTuple):
@@ -264,7 +284,7 @@ def _nodes(
             chain.time_ns,
             chain.length_m,
             np.unique(np.concatenate([
-                [0, chain.time_ns.size - 1], chain.links, chain.links - 1, stance[of_chain == index]
+                [0, chain.time_ns.size - 1], chain.leaps, chain.leaps - 1, stance[of_chain == index]
             ])),
             settings.node_m,
             round(settings.node_s * NS_PER_S),
@@ -296,8 +316,8 @@ def _moves(
     # The turn goes evenly from one end's to the other's; where it did not, the way bends.
     sd_m = noise.places * (np.sqrt(place_m2) + 0.29 * length_m * np.sqrt(turn_rad2))
     sd_rad = noise.turns * np.sqrt(turn_rad2)
-    link = np.searchsorted(other, chain.links)
-    sd_m[link] = np.sqrt(place_m2[link])
+    leap, link = np.searchsorted(other, chain.leaps), np.searchsorted(other, chain.links)
+    sd_m[leap] = np.sqrt(place_m2[leap])
     sd_rad[link] = UNKNOWN_TURN_SD_RAD
     rows = np.column_stack([way_m, duration_s, np.maximum(sd_m, 0.01), np.maximum(sd_rad, 1e-4)])
     scale = FIRST_UNIT + 2 * (first_unit + chain.unit[other])

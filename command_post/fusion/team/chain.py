@@ -22,6 +22,7 @@ from command_post.fusion.team.move_log import (
     Moves,
 )
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.unheard import NOTHING_UNHEARD, Unheard
 from command_post.fusion.team.unseen import Unseen, unseen_before
 from shared.compiled import compiled
 from shared.units import NS_PER_S
@@ -40,6 +41,8 @@ UnitName: TypeAlias = tuple[str, int]
 class Chain(NamedTuple):
     """A responder's stances (k ≥ 1): the start, the end of each move, the start of each new unit.
 
+    And where others told of them of whom nobody knew where they went (``unheard``, by stance).
+
     ``way_m`` (k, 2) is the sum of the moves in the agents' frames, ``length_m`` (k,) their lengths
     summed, ``variance`` (k, 2) those of place (m²) and turn (rad²). ``rise`` (k, 2) sums ways down
     (m) and their variances (m²). ``unit`` (k,) counts the units; ``links`` are the stances at which
@@ -55,6 +58,7 @@ class Chain(NamedTuple):
     rise: Floats
     unit: Ints
     links: Ints
+    unheard: Ints
     starts: list[Start]
 
     def begin_of(self, unit: int) -> int:
@@ -64,6 +68,16 @@ class Chain(NamedTuple):
     def unit_name(self, unit: int) -> UnitName:
         """Return what a unit is known by from one solution to the next."""
         return self.responder_id, self.starts[unit].time_ns if unit else 0
+
+    @property
+    def ends_unheard(self) -> bool:
+        """Whether others alone tell where it ends."""
+        return self.unheard.size > 0 and int(self.unheard[-1]) == self.time_ns.size - 1
+
+    @property
+    def leaps(self) -> Ints:
+        """The stances that nobody knows the way to."""
+        return np.sort(np.concatenate([self.links, self.unheard]))
 
     @property
     def last_unit_name(self) -> UnitName:
@@ -160,14 +174,15 @@ def _way_at(knots_ns: Floats, way_m: Floats, at_ns: float) -> tuple[float, float
 
 
 def chain_of(
-    responder_id: str, log: ResponderLog, until_ns: int, settings: TeamSettings
-) -> Chain | None:
+    responder_id: str, log: ResponderLog, until_ns: int, settings: TeamSettings,
+    unheard: Unheard = NOTHING_UNHEARD,
+) -> Chain | None:  # fmt: skip
     """Return the responder's chain as heard of by ``until_ns``; ``None`` if nothing was."""
     starts = log.starts_until(until_ns)
     if not starts:
         return None
     moves = log.moves.until(until_ns)
-    added = _link_rows(moves, starts, settings)
+    added = _added_rows(moves, starts, unheard, settings)
     order = np.argsort(np.concatenate([added.time_ns, moves.end_ns]), kind="stable")
     # Mostly all starts are before all moves.
     is_ordered = bool((order[1:] > order[:-1]).all())
@@ -178,23 +193,30 @@ def chain_of(
         both = np.concatenate([one, other])
         return np.asarray(both if is_ordered else both[order])
 
-    unit_of_row = merged(np.arange(len(starts)), np.zeros(moves.end_ns.size, np.int64))
+    count = added.time_ns.size
+    nowhere = np.zeros(unheard.time_ns.size)
+    unit_of_row = merged(
+        np.concatenate([np.arange(len(starts)), nowhere]), np.zeros(moves.end_ns.size)
+    ).astype(np.int64)
     return Chain(
         responder_id,
         time_ns=merged(added.time_ns, moves.end_ns).astype(np.int64),
-        begin_ns=merged(added.time_ns, unseen.since_ns).astype(np.int64),
-        way_m=np.cumsum(merged(np.zeros((len(starts), 2)), own.step_m), axis=0),
-        length_m=np.cumsum(merged(np.zeros(len(starts)), own.length_m)),
+        begin_ns=merged(added.begin_ns, unseen.since_ns).astype(np.int64),
+        way_m=np.cumsum(merged(np.zeros((count, 2)), own.step_m), axis=0),
+        length_m=np.cumsum(merged(added.length_m, own.length_m)),
         variance=np.cumsum(merged(added.variance, own.variance), axis=0),
         rise=np.cumsum(merged(added.rise, own.rise), axis=0),
         unit=np.maximum.accumulate(unit_of_row),
         links=np.flatnonzero(order < len(starts))[1:],
+        unheard=np.flatnonzero((order >= len(starts)) & (order < count)),
         starts=starts,
     )
 
 
-class _Links(NamedTuple):
+class _Added(NamedTuple):
     time_ns: Ints
+    begin_ns: Ints
+    length_m: Floats
     variance: Floats
     rise: Floats
 
@@ -206,22 +228,33 @@ class _Rows(NamedTuple):
     rise: Floats
 
 
-def _link_rows(moves: Moves, starts: list[Start], settings: TeamSettings) -> _Links:
-    """One row a unit: while nobody counted, its wearer may have gone anywhere they could reach."""
+def _added_rows(
+    moves: Moves, starts: list[Start], unheard: Unheard, settings: TeamSettings
+) -> _Added:
+    """One row a unit: while nobody counted, its wearer may have gone anywhere they could reach.
+
+    Behind these, one each time that others told of who was silent.
+    """
     time_ns = np.array([start.time_ns for start in starts], np.int64)
-    last = np.searchsorted(moves.end_ns, time_ns, side="right") - 1
+    seen_ns = np.sort(np.concatenate([moves.end_ns, unheard.time_ns]))
+    last = np.searchsorted(seen_ns, time_ns, side="right") - 1
     silent_s = (
-        np.where(last >= 0, time_ns - moves.end_ns[np.maximum(last, 0)], 0) / NS_PER_S
-        if moves.end_ns.size
+        np.where(last >= 0, time_ns - seen_ns[np.maximum(last, 0)], 0) / NS_PER_S
+        if seen_ns.size
         else np.zeros(len(starts))
     )
     gone_m2 = settings.restart_sd_m**2 + (settings.restart_speed_m_s * silent_s) ** 2
     gone_m2[0] = 0.0
-    nothing = np.zeros(len(starts))
+    gone_m2 = np.concatenate([gone_m2, unheard.gone_m**2])
+    nothing = np.zeros(gone_m2.size)
     climbed_m2 = gone_m2 * settings.restart_climb_share**2
-    return _Links(
-        time_ns, np.column_stack([gone_m2, nothing]), np.column_stack([nothing, climbed_m2])
-    )
+    # Each such stance is reached as it is told of: what is told then is told of it.
+    return _Added(
+        np.concatenate([time_ns, unheard.time_ns]),
+        np.concatenate([time_ns, unheard.time_ns - 1]),
+        np.concatenate([np.zeros(len(starts)), unheard.gone_m]),
+        np.column_stack([gone_m2, nothing]), np.column_stack([nothing, climbed_m2]),
+    )  # fmt: skip
 
 
 def _move_rows(moves: Moves, unseen: Unseen, settings: TeamSettings) -> _Rows:
