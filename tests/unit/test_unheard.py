@@ -138,6 +138,8 @@ def test_strides_that_are_lost_for_good_leave_a_way_that_nobody_knows() -> None:
     north_m = np.interp([LAST_S, 40.0], time_s, track.position_m[:, 0])
     np.testing.assert_allclose(north_m, [12.0, 30.0], atol=1.0)
     assert "nothing heard" not in told.reason
+    # Of thirty strides that are lost some five came after they were heard.
+    assert sd_m(told) < 8.0
 
 
 def test_a_unit_that_begins_anew_does_not_say_that_they_stood() -> None:

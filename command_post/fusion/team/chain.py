@@ -22,7 +22,7 @@ from command_post.fusion.team.move_log import (
     Moves,
 )
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.unheard import NOTHING_UNHEARD, Unheard
+from command_post.fusion.team.unheard import NOTHING_UNHEARD, Unheard, lost_since_m2
 from command_post.fusion.team.unseen import Unseen, unseen_before
 from shared.compiled import compiled
 from shared.units import NS_PER_S
@@ -187,6 +187,8 @@ def chain_of(
     # Mostly all starts are before all moves.
     is_ordered = bool((order[1:] > order[:-1]).all())
     unseen = unseen_before(moves, settings)
+    if unheard.time_ns.size:
+        unseen = unseen._replace(place_m2=lost_since_m2(unseen.place_m2, moves, unheard))
     own = _move_rows(moves, unseen, settings)
 
     def merged(one: Floats | Ints, other: Floats | Ints) -> Floats:

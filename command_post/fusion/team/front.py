@@ -67,7 +67,7 @@ def cloud_before(
 
 
 def _gone_m2(chain: Chain, stance: int) -> float:
-    """Return the variance (m²) of the way to a stance, since others alone told of them if any did."""
+    """Return the variance of the way to a stance (m²), since others told of them if they did."""
     since = int(chain.unheard[-1]) if chain.unheard.size else 0
     return float(chain.variance[stance, 0] - chain.variance[since, 0])
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from command_post.fusion.team.log import ResponderLog
-from command_post.fusion.team.move_log import Floats, Ints
+from command_post.fusion.team.move_log import Floats, Ints, Moves
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.silences import least_quiet_ns, unheard_m
 from shared.units import NS_PER_S
@@ -58,16 +58,32 @@ def unheard_of(
 def _stood(log: ResponderLog, time_ns: int, until_ns: int) -> bool:
     """Whether their unit has told by ``until_ns`` that they stood at ``time_ns``.
 
-    That is so once it tells anything of later, unless it began anew meanwhile, or strides are lost.
+    That is so once it tells anything of later, unless it began anew before the next stride that it
+    tells, or some before that are lost.
     """
     again = next(log.known.after(time_ns), None)
     if again is None or again.begin_ns > until_ns:
         return False
-    if any(time_ns < start.time_ns <= again.begin_ns for start in log.starts):
-        return False
     moves = log.moves.until(until_ns)
     after = int(np.searchsorted(moves.end_ns, time_ns, side="right"))
-    if not 0 < after < moves.end_ns.size:
-        return True
-    number, before = moves.sequence[after], moves.sequence[after - 1]
-    return bool(number <= before + 1)
+    is_last = after == moves.end_ns.size
+    next_ns = until_ns if is_last else int(moves.end_ns[after])
+    if any(time_ns < start.time_ns <= next_ns for start in log.starts):
+        return False
+    return is_last or after == 0 or bool(moves.sequence[after] <= moves.sequence[after - 1] + 1)
+
+
+def lost_since_m2(lost_m2: Floats, moves: Moves, unheard: Unheard) -> Floats:
+    """Return the variance of the way lost before each of ``moves`` (m,), since others told of them.
+
+    ``lost_m2`` (m,) is that of all that was lost since the move before: it is in the strides that
+    were lost, which are as many as there was time for.
+    """
+    since_m2 = lost_m2.copy()
+    after = np.searchsorted(moves.end_ns, unheard.time_ns, side="right")
+    for move, time_ns in zip(after.tolist(), unheard.time_ns.tolist(), strict=True):
+        if 0 < move < since_m2.size:
+            begin_ns, before_ns = int(moves.start_ns[move]), int(moves.end_ns[move - 1])
+            share = (begin_ns - time_ns) / max(begin_ns - before_ns, 1)
+            since_m2[move] = share * share * lost_m2[move]
+    return since_m2
