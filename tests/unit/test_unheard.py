@@ -158,7 +158,7 @@ def spoken(*, cut_s: tuple[float, float]) -> Iterator[tuple[str, Message | float
 
     The unit of r2 says nothing within ``cut_s``.
     """
-    said = [
+    said: list[tuple[float, str, Message | float]] = [
         (message.event_time_ns / NS_PER_S - at_ns(0.0) / NS_PER_S, node, message)
         for node, message in heard(3)
         if message.event_time_ns < at_ns(END_S)
