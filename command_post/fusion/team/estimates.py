@@ -132,7 +132,8 @@ def estimate_of(
     down_sd_m = math.sqrt(max(down_m2, 0.0))
     status, reason = _status(pose, time_ns, (nn, ne, ee), turn_rad2, settings)
     if is_unheard:
-        status = "lost" if unseen_s > settings.silence_s else "dead_reckoning"
+        is_lost = unseen_s > settings.silence_s or (is_by_others and status == "lost")
+        status = "lost" if is_lost else "dead_reckoning"
         reason = f"{SILENT} for {silent_s:.0f} s"
         if is_by_others:
             reason += f", but by {pose.by_others} {unseen_s:.0f} s ago"
