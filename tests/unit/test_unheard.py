@@ -73,6 +73,14 @@ def test_who_is_silent_is_where_a_dap_hears_them() -> None:
     assert tracker.doubts == ()
 
 
+def test_who_is_heard_far_off_is_there_all_the_same() -> None:
+    tracker = two_out()
+    tracker.install("dap2", installation(0.0, None, (50.0, 5.0)))
+    tracker.peak("dap2", peak_at(40.0, "r1"))
+    told = told_at(tracker, 44.0)
+    assert (told.north_m, told.east_m) == pytest.approx((50.0, 5.0), abs=1.5)
+
+
 def test_where_they_were_known_to_be_nothing_is_said_against() -> None:
     tracker = two_out()
     tracker.peak("dap1", peak_at(40.0, "r1"))

@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from command_post.fusion.team.arithmetic import carried, sine_cosine
 from command_post.fusion.team.assembly import (
@@ -199,45 +198,7 @@ def begin_from(before: Solution, assembled: Assembled) -> tuple[Floats, Floats]:
             arrow[column : column + 2] = assembled.graph.place[place, :2]
         else:
             arrow[column : column + 2] = pose[node, :2]
-    for index, chain in enumerate(assembled.chains):
-        known = before.chains.get(chain.responder_id)
-        times_ns = chain.time_ns[assembled.nodes[index]]
-        is_new = np.ones(times_ns.size, np.bool_) if known is None else ~np.isin(times_ns, known[0])
-        _put_unheard(assembled, index, is_new, pose, arrow)
     return pose, arrow
-
-
-def _put_unheard(
-    assembled: Assembled, index: int, is_new: NDArray[np.bool_], pose: Floats, arrow: Floats
-) -> None:
-    """Put nodes at which others alone tell where a chain is where they do, with those after them.
-
-    Only the chain's nodes that are new (k,) are put anew. From where it was known to be before it
-    would not be drawn there: what one is told by others far off counts for little.
-    """
-    chain, nodes = assembled.chains[index], assembled.nodes[index]
-    first = int(assembled.graph.first[index])
-    for at in np.searchsorted(nodes, chain.unheard).tolist():
-        if is_new[at]:
-            until = at + 1
-            while until < nodes.size and is_new[until]:
-                until += 1
-            place_m = _told_place(assembled, first + at, pose, arrow)
-            pose[first + at : first + until, :2] += place_m - pose[first + at, :2]
-
-
-def _told_place(assembled: Assembled, node: int, pose: Floats, arrow: Floats) -> Floats:
-    """Return where a node is by the sharpest of what others tell of it."""
-    graph = assembled.graph
-    fixed = np.flatnonzero(graph.fix_at == node)
-    tied = np.flatnonzero(graph.tie_at[:, 0] == node)
-    if not tied.size:
-        return graph.fix[fixed[0], 2:4] if fixed.size else pose[node, :2]
-    column = int(graph.tie_at[tied[np.argmin(graph.tie[tied, 2])], 1])
-    if assembled.places[(column - assembled.place_column(0)) // 2][0] == "meeting":
-        met = graph.tie_at[graph.tie_at[:, 1] == column, 0]
-        arrow[column : column + 2] = pose[int(met[met != node][0]), :2]
-    return arrow[column : column + 2]
 
 
 def _first_place(assembled: Assembled, chain: int) -> tuple[float, float]:
@@ -334,8 +295,6 @@ def turned(
         if by == chain_index and assembled.seen_at[place] >= first:
             column = assembled.place_column(place)
             arrow[column : column + 2] = pose[assembled.seen_at[place], :2]
-    is_turned = np.arange(len(assembled.nodes[chain_index])) >= since
-    _put_unheard(assembled, chain_index, is_turned, pose, arrow)
     return pose, arrow
 
 
