@@ -307,6 +307,9 @@ def _responder_status(
 ) -> tuple[ResponderStatus, str]:
     why_lost = view.why_lost("responder", responder_id)
     if why_lost is not None:
+        heard_age_s = view.heard_age_s("responder", responder_id)
+        if tied_age_s is not None and heard_age_s is not None and tied_age_s < heard_age_s:
+            why_lost += f", but by a DAP {tied_age_s:.0f} s ago"
         return "lost", why_lost
     if estimate is None:
         return "no_track", "heard, and not started"

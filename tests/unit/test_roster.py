@@ -74,6 +74,20 @@ def test_silence_is_loss(incident: Incident) -> None:
     assert rows[0].position is not None
 
 
+def test_who_is_silent_may_still_be_heard_by_a_dap() -> None:
+    late = incident_with(
+        ("dap", "dap1", installation(0.0, None, (9.0, 0.0))),
+        ("responder", "r1", track_start(0.0)),
+        ("responder", "r2", track_start(0.0)),
+        ("responder", "r1", stride(2.0, 1.2, 0.0)),
+        ("dap", "dap1", proximity(30.0, "r1")),
+        ("responder", "r2", stride(34.0, 1.2, 0.0)),
+    )
+    row, _ = make_roster(late, at_ns(36.0), SETTINGS).responders
+    assert row.status == "lost"
+    assert row.reason == "nothing heard for 34 s, but by a DAP 6 s ago"
+
+
 def test_leaving_the_network_is_loss_at_once(incident: Incident) -> None:
     alive: set[tuple[Role, str]] = {("responder", "r1"), ("dap", "dap1"), ("dap", "r2")}
     rows = make_roster(incident, at_ns(5.0), SETTINGS, alive=alive)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+import msgspec
+import numpy as np
 import pytest
 
 from command_post.fusion.settings import FusionSettings
@@ -14,8 +16,18 @@ from command_post.incident import Incident, IncidentSettings
 from shared.codec import encode
 from shared.messages import Beat, Message, TrackEstimate
 from shared.seal import sealed
-from tests.stride_world import STRIDE_M, STRIDE_S, at_ns, key_of, stride, track_start
+from shared.topics import Role
+from tests.stride_world import (
+    STRIDE_M,
+    STRIDE_S,
+    at_ns,
+    installation,
+    key_of,
+    stride,
+    track_start,
+)
 from tests.unit.test_incident import decoded
+from tests.unit.test_team_tracker import peak_at
 
 RUN = bytes(range(8))
 BEAT_S = 0.5
@@ -76,12 +88,18 @@ class Unit:
         self._take(self.incident.pass_time(at_ns(time_s)))
         return self.told[-1]
 
+    def is_told_of(self, role: Role, node_id: str, message: Message, heard_s: float) -> None:
+        """Have somebody else say something."""
+        self._hear(message, heard_s, key=str(key_of(role, node_id, type(message))))
+
     def _say(self, message: Message, heard_s: float) -> None:
         self._number += 1
         self._hear(message, heard_s, sealed(encode(message), RUN, self._number))
 
-    def _hear(self, message: Message, heard_s: float, payload: bytes | None = None) -> None:
-        key = str(key_of("responder", "r1", type(message)))
+    def _hear(
+        self, message: Message, heard_s: float, payload: bytes | None = None, key: str | None = None
+    ) -> None:
+        key = key or str(key_of("responder", "r1", type(message)))
         payload = encode(message) if payload is None else payload
         self._take(self.incident.handle(key, payload, at_ns(heard_s)))
 
@@ -168,3 +186,29 @@ def test_the_longer_one_is_silent_the_rarer_it_is_told() -> None:
     assert len(unit.told) < 150
     late_ns = [each.event_time_ns for each in unit.told[-3:]]
     assert late_ns[2] - late_ns[1] > late_ns[1] - late_ns[0] > 3600e9
+
+
+def test_whenever_time_is_asked_the_same_is_told_of_who_is_silent_and_heard() -> None:
+    """A DAP hears them time and again; then a stride comes of when the silence began."""
+
+    def told(asked_s: list[float]) -> list[TrackEstimate]:
+        unit = Unit()
+        unit.is_told_of("dap", "dap1", installation(0.0, None, (20.0, 15.0)), WALKED_S)
+        before_s = 0.0
+        for number, heard_s in enumerate((20.0, 24.0, 31.0, 33.0, 35.0)):
+            for time_s in (each for each in asked_s if before_s < each < heard_s):
+                unit.pass_time(time_s)
+            if heard_s < 35.0:
+                passed = msgspec.structs.replace(peak_at(heard_s - 0.2, "r1"), sequence=number + 1)
+                unit.is_told_of("dap", "dap1", passed, heard_s)
+            else:
+                unit.stride(WALKED_S + STRIDE_S, heard_s)
+            before_s = heard_s
+        unit.pass_time(40.0)
+        return unit.told
+
+    once = told([])
+    # The last of what was heard is taken in with what comes after.
+    assert once[-1].reason == "nothing heard for 27 s, but by dap1 7 s ago"
+    assert math.hypot(once[-1].north_m - 20.0, once[-1].east_m - 15.0) < 1.5
+    assert told(np.arange(WALKED_S, 40.0, 0.3).tolist()) == once

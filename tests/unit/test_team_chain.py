@@ -27,6 +27,7 @@ def walked(seed: int) -> Chain:
         "r1", end_ns, end_ns - took_ns,
         np.cumsum(step_m, axis=0), np.cumsum(np.hypot(*step_m.T)), np.zeros((STANCES, 2)),
         np.zeros((STANCES, 2)), (np.arange(STANCES) >= 30).astype(np.int64), np.array([30]),
+        np.empty(0, np.int64),
         [Start(int(end_ns[0]), 0, 0.1, None), Start(int(end_ns[30]), 1, 0.1, None)],
     )  # fmt: skip
 

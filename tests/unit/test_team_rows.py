@@ -17,6 +17,7 @@ from command_post.fusion.team.misfits import _worst_bend, robust_cost
 from command_post.fusion.team.move_log import DOWN, DOWN_M2, EAST, NORTH, PLACE_M2, TURN_RAD2
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import laid_out
+from command_post.fusion.team.unheard import Unheard
 from command_post.fusion.team.unseen import unseen_before
 from shared.units import NS_PER_S
 from tests.stride_world import STRIDE_S, at_ns, stride
@@ -96,6 +97,28 @@ def test_stances_are_beginnings_and_moves_in_the_order_of_time_summed_up(seed: i
     assert (found.links == np.flatnonzero(order < 3)[1:]).all()
     assert found.links.size == 2
     assert unseen.place_m2.any()
+
+
+def test_what_others_tell_of_who_is_silent_is_a_stance_behind_what_ends_then() -> None:
+    log = heard(0)
+    plain, moves = chain(0), log.moves.until(END_OF_TIME_NS)
+    told_ns = np.array([int(moves.end_ns[20]), int(moves.end_ns[-1]) + 5 * NS_PER_S])
+    found = chain_of("r1", log, END_OF_TIME_NS, SETTINGS, Unheard(told_ns, np.array([3.0, 4.0])))
+    assert found is not None
+    assert found.time_ns[found.unheard].tolist() == told_ns.tolist()
+    assert (found.begin_ns[found.unheard] == told_ns - 1).all()
+    others = np.setdiff1d(np.arange(found.time_ns.size), found.unheard)
+    assert (found.time_ns[others] == plain.time_ns).all()
+    assert (np.delete(found.unit, found.unheard) == plain.unit).all()
+    assert found.links.tolist() == [int(others[link]) for link in plain.links]
+    gone = np.diff(np.column_stack([found.way_m, found.length_m, found.variance]), axis=0)
+    rows = gone[found.unheard - 1]
+    assert np.allclose(rows, [[0.0, 0.0, 3.0, 9.0, 0.0], [0.0, 0.0, 4.0, 16.0, 0.0]], atol=1e-9)
+    rise = np.diff(found.rise, axis=0)[found.unheard - 1]
+    assert np.allclose(rise[:, 1], SETTINGS.restart_climb_share**2 * np.array([9.0, 16.0]))
+    nodes = np.unique(np.concatenate([[0], found.leaps - 1, found.leaps]))
+    leap, _ = _moves(found, nodes, 0, 0, Noise(1.0, 1.3, 0.7))
+    assert leap[-1, 3] == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

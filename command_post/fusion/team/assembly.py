@@ -23,6 +23,7 @@ from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.move_log import Floats, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.ties import PlaceId, Ties, asides_m2, level_sd_m, ties_of
+from command_post.fusion.team.unheard import unheard_of
 from shared.compiled import compiled
 from shared.units import NS_PER_S
 
@@ -119,6 +120,10 @@ def assemble(
     if not chains:
         return None
     ties, known = ties_of(log, chains, until_ns, settings)
+    heard = _with_unheard(log, chains, ties, until_ns, settings)
+    if any(one is not other for one, other in zip(heard, chains, strict=True)):
+        chains = heard
+        ties, known = ties_of(log, chains, until_ns, settings)
     is_dap = np.array([place[0] == "dap" for place in ties.place], np.bool_)
     wider = np.where(is_dap & (ties.dof > 0.0), noise.passes, 1.0)
     ties = ties._replace(sd_m=wider * ties.sd_m)
@@ -131,6 +136,21 @@ def assemble(
     assembled = _build(chains, ties, held, fixes, belief, noise, settings)
     assembled.aside_m2 = np.array([asides.get(place, 0.0) for place in assembled.places])
     return assembled
+
+
+def _with_unheard(
+    log: TeamLog, chains: list[Chain], ties: Ties, until_ns: int, settings: TeamSettings
+) -> list[Chain]:
+    """Return the chains with where others told of who was silent; the same if nobody did."""
+    found = list(chains)
+    for index, chain in enumerate(chains):
+        own = log.responders[chain.responder_id]
+        fixed_ns = [fix.time_ns for fix in own.fixes if fix.time_ns <= until_ns]
+        told_ns = np.append(ties.time_ns[ties.chain == index], np.array(fixed_ns, np.int64))
+        unheard = unheard_of(own, chain.time_ns, chain.begin_ns, told_ns, until_ns, settings)
+        if unheard.time_ns.size:
+            found[index] = chain_of(chain.responder_id, own, until_ns, settings, unheard) or chain
+    return found
 
 
 class _FixRow(NamedTuple):
@@ -265,7 +285,7 @@ def _nodes(
             chain.time_ns,
             chain.length_m,
             np.unique(np.concatenate([
-                [0, chain.time_ns.size - 1], chain.links, chain.links - 1, stance[of_chain == index]
+                [0, chain.time_ns.size - 1], chain.leaps, chain.leaps - 1, stance[of_chain == index]
             ])),
             settings.node_m,
             round(settings.node_s * NS_PER_S),
@@ -293,33 +313,37 @@ def _moves(
     at[:, 0] = np.arange(first, first + len(at))
     at[:, 1] = FIRST_UNIT + 2 * (first_unit + chain.unit[nodes[1:]])
     _write_moves(
-        chain.time_ns, chain.way_m, chain.length_m, chain.variance, nodes, chain.links,
-        noise.places, noise.turns, rows,
+        chain.time_ns, chain.way_m, chain.length_m, chain.variance, nodes, chain.leaps,
+        chain.links, noise.places, noise.turns, rows,
     )  # fmt: skip
     return rows, at
 
 
 @compiled
 def _write_moves(
-    time_ns: Ints, way_m: Floats, length_m: Floats, variance: Floats, nodes: Ints, links: Ints,
-    places: float, turns: float, rows: Floats,
+    time_ns: Ints, way_m: Floats, length_m: Floats, variance: Floats, nodes: Ints, leaps: Ints,
+    links: Ints, places: float, turns: float, rows: Floats,
 ) -> None:  # fmt: skip
     """Write rows of ``Graph.move`` from each of a chain's ``nodes`` to the next, by its fields.
 
     Deviations are so many times as wide as told: ``places``, ``turns``.
     """
-    passed = 0
+    leapt = begun = 0
     for row in range(nodes.size - 1):
         one, other = nodes[row], nodes[row + 1]
         place_sd_m = math.sqrt(variance[other, 0] - variance[one, 0])
         turn_sd_rad = math.sqrt(variance[other, 1] - variance[one, 1])
-        if passed < links.size and links[passed] == other:
-            passed += 1
-            sd_m, sd_rad = place_sd_m, UNKNOWN_TURN_SD_RAD
+        sd_rad = turns * turn_sd_rad
+        if begun < links.size and links[begun] == other:
+            begun += 1
+            sd_rad = UNKNOWN_TURN_SD_RAD
+        if leapt < leaps.size and leaps[leapt] == other:
+            leapt += 1
+            sd_m = place_sd_m
         else:
             # The turn goes evenly from one end's to the other's; where it did not, the way bends.
             bent_m = 0.29 * (length_m[other] - length_m[one]) * turn_sd_rad
-            sd_m, sd_rad = places * (place_sd_m + bent_m), turns * turn_sd_rad
+            sd_m = places * (place_sd_m + bent_m)
         rows[row, 0] = way_m[other, 0] - way_m[one, 0]
         rows[row, 1] = way_m[other, 1] - way_m[one, 1]
         rows[row, 2] = (time_ns[other] - time_ns[one]) / NS_PER_S

@@ -17,6 +17,7 @@ from command_post.fusion.team.estimates import Pose
 from command_post.fusion.team.height_assembly import LEAST_SD_M
 from command_post.fusion.team.log import Installed, Start, TeamLog
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.silences import least_quiet_ns
 from command_post.fusion.team.suspicions import UNKNOWN_HEADING_SD_RAD
 from command_post.fusion.track import told_covariance
 from shared.messages import LocalPosition
@@ -35,7 +36,7 @@ def begin(
     for name, way in ways.items():
         own = log.of(name)
         own.starts = [_start(way, settings)]
-        own.know(way.told.time_ns)
+        own.known.add(way.told.time_ns, least_quiet_ns(settings))
         own.near_ns = way.told.last_proximity_time_ns
         bonds.note_began(name, way.told.time_ns)
     return {name: _pose(way, settings) for name, way in ways.items()}

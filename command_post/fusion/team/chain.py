@@ -23,6 +23,7 @@ from command_post.fusion.team.move_log import (
     Moves,
 )
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.unheard import NOTHING_UNHEARD, Unheard, lost_since_m2
 from command_post.fusion.team.unseen import Unseen, unseen_before
 from shared.compiled import compiled
 from shared.units import NS_PER_S
@@ -30,6 +31,9 @@ from shared.units import NS_PER_S
 PACE_S = 1.5
 LEAST_AHEAD_M = 0.3
 """A shorter stride does not tell which way its wearer goes."""
+MOVE, BEGINNING, UNHEARD = range(3)
+"""What a stance is: the end of a move, a unit's beginning, or what others alone tell of."""
+NEVER_NS = -1
 KNOWN_TURN_SD_RAD = 1.5
 """A heading known no better than this is not known."""
 
@@ -40,6 +44,8 @@ UnitName: TypeAlias = tuple[str, int]
 
 class Chain(NamedTuple):
     """A responder's stances (k ≥ 1): the start, the end of each move, the start of each new unit.
+
+    And where others told of them of whom nobody knew where they went (``unheard``, by stance).
 
     ``way_m`` (k, 2) is the sum of the moves in the agents' frames, ``length_m`` (k,) their lengths
     summed, ``variance`` (k, 2) those of place (m²) and turn (rad²). ``rise`` (k, 2) sums ways down
@@ -56,6 +62,7 @@ class Chain(NamedTuple):
     rise: Floats
     unit: Ints
     links: Ints
+    unheard: Ints
     starts: list[Start]
 
     def begin_of(self, unit: int) -> int:
@@ -65,6 +72,16 @@ class Chain(NamedTuple):
     def unit_name(self, unit: int) -> UnitName:
         """Return what a unit is known by from one solution to the next."""
         return self.responder_id, self.starts[unit].time_ns if unit else 0
+
+    @property
+    def ends_unheard(self) -> bool:
+        """Whether others alone tell where it ends."""
+        return self.unheard.size > 0 and int(self.unheard[-1]) == self.time_ns.size - 1
+
+    @property
+    def leaps(self) -> Ints:
+        """The stances that nobody knows the way to."""
+        return np.sort(np.concatenate([self.links, self.unheard]))
 
     @property
     def last_unit_name(self) -> UnitName:
@@ -161,30 +178,36 @@ def _way_at(knots_ns: Floats, way_m: Floats, at_ns: float) -> tuple[float, float
 
 
 def chain_of(
-    responder_id: str, log: ResponderLog, until_ns: int, settings: TeamSettings
-) -> Chain | None:
+    responder_id: str, log: ResponderLog, until_ns: int, settings: TeamSettings,
+    unheard: Unheard = NOTHING_UNHEARD,
+) -> Chain | None:  # fmt: skip
     """Return the responder's chain as heard of by ``until_ns``; ``None`` if nothing was."""
     starts = log.starts_until(until_ns)
     if not starts:
         return None
     moves = log.moves.until(until_ns)
+    unseen = unseen_before(moves, settings)
+    added_ns = np.array([start.time_ns for start in starts], np.int64)
+    if unheard.time_ns.size:
+        unseen = unseen._replace(place_m2=lost_since_m2(unseen.place_m2, moves, unheard))
+        added_ns = np.concatenate([added_ns, unheard.time_ns])
     own = _Own(
         settings.restart_sd_m**2, settings.restart_speed_m_s, settings.restart_climb_share**2,
         settings.stride_sd_m, settings.stride_sd_share, settings.told_turn_factor**2,
         settings.stride_turn_sd_rad**2,
     )  # fmt: skip
-    begins_ns = np.array([start.time_ns for start in starts], np.int64)
-    count = begins_ns.size + moves.end_ns.size
-    time_ns, begin_ns, unit, begins = np.empty((4, count), np.int64)
+    count = added_ns.size + moves.end_ns.size
+    time_ns, begin_ns, unit, added = np.empty((4, count), np.int64)
     sums = _Sums(*(np.empty((count, width)) for width in (2, 1, 2, 2)))
-    order = np.argsort(begins_ns, kind="stable")
+    order = np.argsort(added_ns, kind="stable")
     _lay_out(
-        moves, unseen_before(moves, settings), begins_ns, order, own,
-        (time_ns, begin_ns, unit, begins), sums,
+        moves, unseen, added_ns, unheard.gone_m, order, own,
+        (time_ns, begin_ns, unit, added), sums,
     )  # fmt: skip
     return Chain(
         responder_id, time_ns, begin_ns, sums.way_m, sums.length_m.ravel(), sums.variance,
-        sums.rise, unit, np.flatnonzero(begins)[1:], starts,
+        sums.rise, unit, np.flatnonzero(added == BEGINNING)[1:], np.flatnonzero(added == UNHEARD),
+        starts,
     )  # fmt: skip
 
 
@@ -211,31 +234,43 @@ class _Sums(NamedTuple):
 
 @compiled
 def _lay_out(
-    moves: Moves, unseen: Unseen, begins_ns: Ints, order: Ints, own: _Own,
+    moves: Moves, unseen: Unseen, added_ns: Ints, gone_m: Floats, order: Ints, own: _Own,
     stances: tuple[Ints, Ints, Ints, Ints], sums: _Sums,
 ) -> None:  # fmt: skip
-    """Write a chain's stances by time, units' beginnings before what ends at the same time.
+    """Write a chain's stances by time, those ``added`` before what ends at the same time.
 
-    ``stances`` are ``Chain.time_ns``, ``begin_ns`` and ``unit``, and whether a unit begins;
-    ``order`` is that of the beginnings.
+    Added are beginnings of units, and behind these the times that others told of who was silent,
+    who may have gone ``gone_m`` since seen before; ``order`` is that of their times. ``stances``
+    are ``Chain.time_ns``, ``begin_ns`` and ``unit``, and what each stance is.
     """
-    times_ns, since_ns, units, begins = stances
+    times_ns, since_ns, units, kinds = stances
+    begun = added_ns.size - gone_m.size
     total = np.zeros(7)
-    started = unit = 0
+    at = unit = 0
     for stance in range(times_ns.size):
-        moved = stance - started
-        is_beginning = started < order.size and (
-            moved == moves.end_ns.size or begins_ns[order[started]] <= moves.end_ns[moved]
+        moved = stance - at
+        is_move = at == order.size or (
+            moved < moves.end_ns.size and added_ns[order[at]] > moves.end_ns[moved]
         )
-        if is_beginning:
-            times_ns[stance] = since_ns[stance] = begins_ns[order[started]]
-            unit = max(unit, order[started])
-            _add_beginning(total, moves, times_ns[stance], order[started], own)
-            started += 1
-        else:
+        if is_move:
             times_ns[stance], since_ns[stance] = moves.end_ns[moved], unseen.since_ns[moved]
+            kinds[stance] = MOVE
             _add_move(total, moves, unseen, moved, own)
-        units[stance], begins[stance] = unit, is_beginning
+        else:
+            which = order[at]
+            at += 1
+            times_ns[stance] = since_ns[stance] = added_ns[which]
+            if which < begun:
+                kinds[stance], unit = BEGINNING, max(unit, which)
+                _add_beginning(total, moves, added_ns, begun, which, own)
+            else:
+                # It is reached as it is told of: what is told then is told of it.
+                kinds[stance], since_ns[stance] = UNHEARD, added_ns[which] - 1
+                gone = gone_m[which - begun]
+                total[2] += gone
+                total[3] += gone * gone
+                total[6] += gone * gone * own.restart_climb_share2
+        units[stance] = unit
         sums.way_m[stance] = total[0:2]
         sums.length_m[stance] = total[2:3]
         sums.variance[stance] = total[3:5]
@@ -243,12 +278,19 @@ def _lay_out(
 
 
 @compiled
-def _add_beginning(total: Floats, moves: Moves, time_ns: int, unit: int, own: _Own) -> None:
+def _add_beginning(
+    total: Floats, moves: Moves, added_ns: Ints, begun: int, unit: int, own: _Own
+) -> None:
     """Add a unit's beginning: before, its wearer may have gone anywhere they could reach."""
     if unit == 0:
         return
+    time_ns = added_ns[unit]
     last = int(np.searchsorted(moves.end_ns, time_ns, side="right")) - 1
-    silent_s = (time_ns - moves.end_ns[last]) / NS_PER_S if last >= 0 else 0.0
+    seen_ns = moves.end_ns[last] if last >= 0 else NEVER_NS
+    for told_ns in added_ns[begun:]:
+        if seen_ns < told_ns <= time_ns:
+            seen_ns = told_ns
+    silent_s = (time_ns - seen_ns) / NS_PER_S if seen_ns > NEVER_NS else 0.0
     gone_m = own.restart_speed_m_s * silent_s
     gone_m2 = own.restart_m2 + gone_m * gone_m
     total[3] += gone_m2

@@ -32,7 +32,8 @@ class Pose(NamedTuple):
     ``covariance`` as ``smooth`` gives a node's; ``down`` is height and variance (m, m²). The chain
     goes on in ``unit`` since ``unit_ns``, how that is turned being told by all that it passed if
     ``is_told``; ``tied_ns`` is when something last tied them down. All times are on the unit's own
-    clock, which is held to be ahead by ``ahead_ns``.
+    clock, which is held to be ahead by ``ahead_ns``. ``by_others`` names who told of them where
+    their unit did not.
     """
 
     time_ns: int
@@ -47,6 +48,7 @@ class Pose(NamedTuple):
     tied_ns: int
     is_told: bool
     ahead_ns: int = 0
+    by_others: str = ""
 
 
 def pose_of(
@@ -65,7 +67,19 @@ def pose_of(
         (float(heights.node_m[end - 1]), float(heights.node_m2[end - 1])),
         unit, chain.starts[unit].time_ns,
         tied_ns(solved, index), solved.tells_turn(index, settings), ahead_ns,
+        _others(solved, index) if chain.ends_unheard else "",
     )  # fmt: skip
+
+
+def _others(solved: Solved, index: int) -> str:
+    """Return who told where the chain at ``index`` ends: DAPs, those met, or somebody's word."""
+    assembled = solved.assembled
+    last = int(assembled.graph.first[index + 1]) - 1
+    columns = assembled.graph.tie_at[assembled.graph.tie_at[:, 0] == last, 1]
+    places = [assembled.places[(at - assembled.place_column(0)) // 2] for at in columns.tolist()]
+    own_id = assembled.chains[index].responder_id
+    names = {name for kind, *names in places for name in names[: 1 if kind == "dap" else 2]}
+    return ", ".join(sorted(names - {own_id})) or "somebody's word"
 
 
 def tied_ns(solved: Solved, index: int) -> int:
@@ -106,17 +120,23 @@ def estimate_of(
     """
     dn, de = _moved(pose, since)
     time_ns = since.end_ns
-    silent_s = max(now_ns - max(time_ns - pose.ahead_ns, log.known_by(now_ns)), 0) / NS_PER_S
-    silent = is_silent(silent_s, log, settings)
-    unheard_m2 = unheard_m(silent_s, log, settings) ** 2 if silent else 0.0
+    is_by_others = bool(pose.by_others) and not since.count
+    known_ns, seen_ns = log.known.by(now_ns), time_ns - pose.ahead_ns
+    silent_s = max(now_ns - (known_ns if is_by_others else max(seen_ns, known_ns)), 0) / NS_PER_S
+    unseen_s = max(now_ns - max(seen_ns, known_ns), 0) / NS_PER_S
+    is_unheard = is_silent(silent_s, log, settings)
+    unheard_m2 = unheard_m(silent_s, unseen_s, log, settings) ** 2 if is_unheard else 0.0
     nn, ne, ee, turn_rad2 = _covariance(pose, since, (dn, de), unheard_m2, settings)
     down_m = pose.down[0] + math.fsum(since.down_m)
     down_m2 = pose.down[1] + max(math.fsum(since.down_m2), 0.0)
     down_sd_m = math.sqrt(max(down_m2, 0.0))
     status, reason = _status(pose, time_ns, (nn, ne, ee), turn_rad2, settings)
-    if silent:
-        status = "lost" if silent_s > settings.silence_s else "dead_reckoning"
+    if is_unheard:
+        is_lost = unseen_s > settings.silence_s or (is_by_others and status == "lost")
+        status = "lost" if is_lost else "dead_reckoning"
         reason = f"{SILENT} for {silent_s:.0f} s"
+        if is_by_others:
+            reason += f", but by {pose.by_others} {unseen_s:.0f} s ago"
     last = log.moves.last_heading_rad
     return Estimate(
         time_ns=max(time_ns - pose.ahead_ns, now_ns),

@@ -30,6 +30,7 @@ def forget(log: TeamLog, anchors: Anchors, begin_ns: int, settings: TeamSettings
             kept.moves.forget(start.time_ns)
         else:
             kept.moves.forget(unanchored_ns(begin_ns, settings))
+        kept.known.forget(until_ns)
         log.responders[name] = kept
     for dap_id, said in log.daps.items():
         # That it was set down first says whether anybody is tied to who did that.

@@ -17,6 +17,7 @@ from command_post.fusion.cloud.chance import responder_stream, step_key
 from command_post.fusion.cloud.cloud import Cloud, Step, advance, moments, spawn
 from command_post.fusion.cloud.model import ANY_HEADING_SD_RAD, Mixture, Tie
 from command_post.fusion.cloud.regions import regions
+from command_post.fusion.team.chain import Chain
 from command_post.fusion.team.estimates import SILENT
 from command_post.fusion.team.graph import LEAD
 from command_post.fusion.team.log import ResponderLog
@@ -37,17 +38,19 @@ def cloud_before(
 ) -> Cloud | None:
     """Return the cloud of the chain at ``index`` at ``until_ns``; ``None`` if it needs none.
 
-    It is made anew from the start of the unit, so that it depends on what was heard alone.
+    It is made anew from the start of the unit, so that it depends on what was heard alone. It
+    knows nothing of ways that nobody told of.
     """
     chain = solved.assembled.chains[index]
     unit = int(chain.unit[-1])
-    if solved.tells_turn(index, settings):
+    stance = chain.begin_of(unit)
+    is_unheard = chain.unheard.size > 0 and int(chain.unheard[-1]) > stance
+    if is_unheard or solved.tells_turn(index, settings):
         return None
     begin_ns = chain.starts[unit].time_ns
-    stance = chain.begin_of(unit)
     nodes = solved.assembled.nodes[index]
     node = int(solved.assembled.graph.first[index]) + int(np.searchsorted(nodes, stance))
-    place_m2 = settings.start_sd_m**2 if unit == 0 else 2.0 * float(chain.variance[stance, 0])
+    place_m2 = settings.start_sd_m**2 if unit == 0 else 2.0 * _gone_m2(chain, stance)
     mean = np.array([[*solved.pose[node, :2], 0.0, 0.0]])
     spread = np.diag([place_m2, place_m2, ANY_HEADING_SD_RAD**2, settings.scale_sd**2])
     stream = responder_stream(SEED, chain.responder_id)
@@ -61,6 +64,12 @@ def cloud_before(
         for m in moves
     ]
     return advance(cloud, steps)[0] if steps else cloud
+
+
+def _gone_m2(chain: Chain, stance: int) -> float:
+    """Return the variance of the way to a stance (m²), since others told of them if they did."""
+    since = int(chain.unheard[-1]) if chain.unheard.size else 0
+    return float(chain.variance[stance, 0] - chain.variance[since, 0])
 
 
 def _ties(solved: Solved, index: int, since_ns: int) -> dict[int, list[Tie]]:

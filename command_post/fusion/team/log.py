@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from command_post.fusion.team.known import Known
 from command_post.fusion.team.move_log import MoveLog, Moves
 from shared.messages import (
     Contact,
@@ -24,7 +25,6 @@ from shared.messages import (
 
 END_OF_TIME_NS = 2**63 - 1
 MOST_RESPONDERS = 2048
-KNOWN_REMEMBERED = 128
 
 ANYWHERE = LocalPosition(north_m=0.0, east_m=0.0, down_m=0.0, covariance_m2=(1e6, 0.0, 1e6))
 """Where a DAP is put of which it is not known where it stands."""
@@ -99,9 +99,9 @@ class Installed(NamedTuple):
 class ResponderLog:
     """What has been heard of one responder.
 
-    At each of ``known_ns`` (in order; the last ones) it was known where they were: a move had
-    ended, or their unit had told all until then, as it does every ``beat_s`` if it beats.
-    ``near_ns`` is when a DAP last heard them near.
+    By ``known`` it was known where they were: a move had ended, or their unit had told all until
+    then, as it does every ``beat_s`` if it beats. ``near_ns`` is when a DAP last heard them near,
+    ``heard_ns`` when anybody but their own unit last told of them.
     """
 
     starts: list[Start] = field(default_factory=list)
@@ -111,24 +111,14 @@ class ResponderLog:
     contacts: list[Peak] = field(default_factory=list)
     fixes: list[Fix] = field(default_factory=list)
     heights: list[Height] = field(default_factory=list)
-    known_ns: list[int] = field(default_factory=list)
+    known: Known = field(default_factory=Known)
     beat_s: float | None = None
     near_ns: int | None = None
+    heard_ns: int = 0
 
-    def know(self, time_ns: int) -> None:
-        """Note that it is known where they were by then."""
-        insort(self.known_ns, time_ns)
-        if len(self.known_ns) > 2 * KNOWN_REMEMBERED:
-            del self.known_ns[:KNOWN_REMEMBERED]
-
-    def known_by(self, time_ns: int) -> int:
-        """Return when, up to ``time_ns``, it was last known where they were; 0 if never."""
-        at = bisect_right(self.known_ns, time_ns)
-        return self.known_ns[at - 1] if at else 0
-
-    def known_after(self, time_ns: int) -> list[int]:
-        """Return when it was known where they were after ``time_ns``, in order."""
-        return self.known_ns[bisect_right(self.known_ns, time_ns) :]
+    def hear(self, time_ns: int) -> None:
+        """Note that somebody else told of them then."""
+        self.heard_ns = max(self.heard_ns, time_ns)
 
     def starts_until(self, time_ns: int) -> list[Start]:
         """Return the starts that count by ``time_ns``: of several with no move between, the last.
@@ -193,29 +183,33 @@ class TeamLog:
 
     def add_peak(self, dap_id: str, said: RssiPeak) -> bool:
         """A responder passed a DAP."""
-        peak = Peak(said.event_time_ns, dap_id, said.peak_dbm)
-        return _insert(self.of(said.responder_id).peaks, peak)
+        log = self.of(said.responder_id)
+        log.hear(said.event_time_ns)
+        return _insert(log.peaks, Peak(said.event_time_ns, dap_id, said.peak_dbm))
 
     def add_near(self, dap_id: str, said: ProximityEvent) -> bool:
         """A DAP holds a responder to be near."""
-        near = Peak(said.event_time_ns, dap_id, said.rssi_mean_dbm)
-        return _insert(self.of(said.responder_id).nears, near)
+        log = self.of(said.responder_id)
+        log.hear(said.event_time_ns)
+        return _insert(log.nears, Peak(said.event_time_ns, dap_id, said.rssi_mean_dbm))
 
     def add_contact(self, responder_id: str, said: Contact) -> bool:
         """Two responders met; kept with the one whose id comes first."""
         one, other = sorted((responder_id, said.other_id))
         if one == other:
             return False
-        self.of(other)
+        for who in (one, other):
+            self.of(who).hear(said.event_time_ns)
         return _insert(self.of(one).contacts, Peak(said.event_time_ns, other, said.peak_dbm))
 
     def add_fix(self, said: PositionFix) -> bool:
         """Somebody says where a responder is."""
         fix = Fix(said.event_time_ns, said.source, said.position)
-        fixes = self.of(said.responder_id).fixes
-        if fix in fixes:
+        log = self.of(said.responder_id)
+        if fix in log.fixes:
             return False
-        insort(fixes, fix, key=lambda each: each[:2])
+        log.hear(said.event_time_ns)
+        insort(log.fixes, fix, key=lambda each: each[:2])
         return True
 
     def add_height(self, said: HeightFix) -> bool:
@@ -238,6 +232,8 @@ class TeamLog:
         installed = Installed(said.event_time_ns, said.installer_id, said.position)
         if installed.is_taken_up and said.at_rest:
             installed = found_by_passes(installed)
+        if installed.installer_id in self.responders:
+            self.responders[installed.installer_id].hear(installed.time_ns)
         insort(installs, installed, key=_when)
         return True
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import heapq
 import sys
 from collections.abc import Iterator
+from itertools import islice
 
 from command_post.fusion.team.log import ResponderLog
 from command_post.fusion.team.settings import TeamSettings
@@ -33,15 +34,19 @@ def quiet_s(log: ResponderLog, settings: TeamSettings) -> float:
     return min(max(settings.missed_beats * log.beat_s, settings.missed_s), settings.silence_s)
 
 
-def unheard_m(silent_s: float, log: ResponderLog, settings: TeamSettings) -> float:
-    """Return how far one may have gone unheard (standard deviation): nought of who is not silent.
+def least_quiet_ns(settings: TeamSettings) -> int:
+    """Return for how long it means nothing of anybody that nothing is heard."""
+    return round(min(settings.missed_s, settings.silence_s) * NS_PER_S)
 
-    Who does not beat may as well have stood for as long as they may.
+
+def unheard_m(silent_s: float, unseen_s: float, log: ResponderLog, settings: TeamSettings) -> float:
+    """Return how far who is silent may have gone (standard deviation) since they were seen.
+
+    It is ``silent_s`` since their unit told of them, and ``unseen_s`` since anybody did. Who does
+    not beat may as well have stood for as long as they may.
     """
-    if not is_silent(silent_s, log, settings):
-        return 0.0
     stood_s = settings.silence_s if log.beat_s is None else 0.0
-    return settings.silent_speed_m_s * (silent_s - stood_s)
+    return settings.silent_speed_m_s * max(min(unseen_s, silent_s - stood_s), 0.0)
 
 
 class Silences:
@@ -50,6 +55,7 @@ class Silences:
     def __init__(self, settings: TeamSettings) -> None:
         self._settings = settings
         self._told_ns: dict[str, int] = {}
+        self._seen_ns: dict[str, int] = {}
         self._silent: set[str] = set()
         self._due: list[tuple[int, str]] = []
         self._look_ns: dict[str, int] = {}
@@ -72,6 +78,11 @@ class Silences:
         if responder_id in self._silent:
             self.look(responder_id, time_ns)
 
+    def seen(self, responder_id: str, time_ns: int) -> None:
+        """Note that others told where somebody was at ``time_ns``: who is silent is told anew."""
+        self._seen_ns[responder_id] = time_ns
+        self.heard(responder_id, time_ns)
+
     def look(self, responder_id: str, time_ns: int) -> None:
         """Have somebody looked at from ``time_ns`` on, who may be silent sooner than was known."""
         if time_ns < self._look_ns.get(responder_id, NEVER_NS):
@@ -93,7 +104,7 @@ class Silences:
             if at_ns <= until_ns:
                 yield at_ns, responder_id
                 self._told_ns[responder_id] = at_ns
-                silent_s = (at_ns - log.known_by(at_ns)) / NS_PER_S
+                silent_s = (at_ns - log.known.by(at_ns)) / NS_PER_S
                 if is_silent(silent_s, log, self._settings):
                     self._silent.add(responder_id)
                 else:
@@ -107,16 +118,17 @@ class Silences:
         It does not depend on when one asks, nor on the order in which things were heard.
         """
         settings, told_ns = self._settings, self._told_ns[responder_id]
-        known_ns, after_ns = log.known_by(told_ns), log.known_after(told_ns)
+        known_ns, after = log.known.by(told_ns), log.known.after(told_ns)
         tick_ns = round(settings.tick_s * NS_PER_S)
         if responder_id in self._silent:
             if not is_silent((told_ns - known_ns) / NS_PER_S, log, settings):
                 return told_ns
-            at_ns = told_ns + max(tick_ns, round(RARER * (told_ns - known_ns)))
-            return min(at_ns, after_ns[0]) if after_ns else at_ns
+            seen_ns = max(known_ns, self._seen_ns.get(responder_id, 0))
+            at_ns = told_ns + max(tick_ns, round(RARER * (told_ns - seen_ns)))
+            return min([at_ns, *(span.begin_ns for span in islice(after, 1))])
         quiet_ns = round(quiet_s(log, settings) * NS_PER_S) + 1
-        for time_ns in after_ns:
-            if time_ns >= max(known_ns + quiet_ns, told_ns + tick_ns):
+        for span in after:
+            if span.begin_ns >= max(known_ns + quiet_ns, told_ns + tick_ns):
                 break
-            known_ns = time_ns
+            known_ns = span.end_ns
         return max(known_ns + quiet_ns, told_ns + tick_ns)

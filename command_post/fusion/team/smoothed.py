@@ -87,8 +87,8 @@ def _with_rests(chain: Chain) -> tuple[Ints, Ints]:
     lift, was until then where they stood.
     """
     rested = np.flatnonzero(chain.begin_ns[1:] - chain.time_ns[:-1] > REST_NS)
-    # A new unit begins where nobody knows how its wearer came to be.
-    rested = rested[~np.isin(rested + 1, chain.links)]
+    # Of some stances nobody knows how they were come to.
+    rested = rested[~np.isin(rested + 1, chain.leaps)]
     time_ns = np.insert(chain.time_ns, rested + 1, chain.begin_ns[rested + 1])
     return time_ns, np.sort(np.concatenate([np.arange(chain.time_ns.size), rested]))
 

@@ -162,7 +162,9 @@ class TeamTracker:
 
     def heard(self, responder_id: str, time_ns: int, beat_s: float | None = None) -> None:
         """Note that a responder's unit has told all until then."""
-        self._whereabouts.heard(responder_id, time_ns, beat_s)
+        changed_ns = self._whereabouts.heard(responder_id, time_ns, beat_s)
+        if changed_ns is not None and self._is_solved(changed_ns):
+            self._begin_again(changed_ns, frozenset({responder_id}), bonds=False)
 
     @property
     def silent_due_ns(self) -> int | None:
@@ -284,12 +286,19 @@ class TeamTracker:
         bonds = bond is not None and bond()
         self._lines.note(time_ns)
         self.counts["late_fused"] += time_ns <= self._solved_ns
-        if time_ns <= max(self._solved_ns, self._commits.until_ns):
+        if self._is_solved(time_ns):
             installs = self._log.daps.get(node_id, ()) if of_dap else ()
             who = self._bonds.concerned(node_id, installs) if of_dap else frozenset({node_id})
-            self._lines.forget(time_ns, who, bonds=bonds)
-            self._agenda.ask_again()
+            self._begin_again(time_ns, who, bonds=bonds)
         return True
+
+    def _is_solved(self, time_ns: int) -> bool:
+        return time_ns <= max(self._solved_ns, self._commits.until_ns)
+
+    def _begin_again(self, time_ns: int, who: frozenset[str], *, bonds: bool) -> None:
+        """Have made anew what was solved of ``who`` without what is known by now of ``time_ns``."""
+        self._lines.forget(time_ns, who, bonds=bonds)
+        self._agenda.ask_again()
 
     def _tell(self, responder_id: str, time_ns: int) -> None:
         if responder_id not in self._log.responders:

@@ -13,7 +13,7 @@ from command_post.fusion.team.front import Fronts
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.making import Fresh
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.silences import Silences
+from command_post.fusion.team.silences import Silences, least_quiet_ns
 from command_post.fusion.team.standing_doubts import StandingDoubts
 from command_post.fusion.team.way_since import Ways
 from command_post.fusion.track import Estimate
@@ -30,6 +30,7 @@ class Whereabouts:
         self._doubts = doubts
         self._settings = settings
         self._tick_ns = round(settings.tick_s * NS_PER_S)
+        self._quiet_ns = least_quiet_ns(settings)
         self._poses: dict[str, Pose] = {}
         self._fronts = Fronts()
         self._ways = Ways(settings)
@@ -71,26 +72,38 @@ class Whereabouts:
             self._fronts.keep(solved, index, log.responders[name], time_ns, self._settings)
             estimate = self._estimate(name, max(time_ns, self._told_until_ns(name)))
             self.estimates[name] = estimate
-            if time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
+            if chain.ends_unheard or time_ns - int(chain.time_ns[-1]) >= self._tick_ns:
                 self._changed[name] = estimate
                 self._silences.told(name, estimate.time_ns)
+            if chain.ends_unheard:
+                self._silences.seen(name, int(chain.time_ns[-1]) - own_ahead_ns)
 
     def tell(self, responder_id: str, time_ns: int) -> None:
         """Have it told where somebody is, of whose way something was heard that ended then."""
-        self._log.responders[responder_id].know(time_ns)
+        self._log.responders[responder_id].known.add(time_ns, self._quiet_ns)
         estimate = self._estimate(responder_id, self._told_until_ns(responder_id))
         self.estimates[responder_id] = self._changed[responder_id] = estimate
         self._silences.told(responder_id, estimate.time_ns)
 
-    def heard(self, responder_id: str, time_ns: int, beat_s: float | None) -> None:
-        """Note that a responder's unit has told all until then, as it does every ``beat_s``."""
+    def heard(self, responder_id: str, time_ns: int, beat_s: float | None) -> int | None:
+        """Note that a responder's unit has told all until then, as it does every ``beat_s``.
+
+        Return since when that changes what others told of them; ``None`` if it does not.
+        """
         log = self._log.responders.get(responder_id)
-        if log is not None:
-            log.know(time_ns)
-            if log.beat_s is None and beat_s is not None:
-                self._silences.look(responder_id, time_ns)
-            log.beat_s = beat_s
-            self._silences.heard(responder_id, time_ns)
+        if log is None:
+            return None
+        since_ns, before_ns = time_ns, log.known.by(time_ns)
+        is_news = log.known.add(time_ns, self._quiet_ns)
+        if log.beat_s is None and beat_s is not None:
+            self._silences.look(responder_id, time_ns)
+            # Who beats is silent sooner, and was all the time.
+            is_news, since_ns = True, next(log.known.after(0)).begin_ns
+            before_ns = since_ns
+        log.beat_s = beat_s
+        self._silences.heard(responder_id, time_ns)
+        # Whoever is heard of within so short a time is where they were known to be.
+        return since_ns if is_news and log.heard_ns > before_ns + self._quiet_ns else None
 
     def pass_time(self, time_ns: int) -> list[tuple[str, Estimate]]:
         """Return where they are, as time passes, of whom nothing is heard: nobody knows."""
