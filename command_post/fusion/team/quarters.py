@@ -10,7 +10,7 @@ by how likely it is. Each is solved by itself, for which of a crew of a large te
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -151,27 +151,46 @@ def _quarters(
 
 def _cost_of_headings(found: Solved, group: Sequence[int], turn_rad: float) -> float:
     """Return how much more what is known of a group's headings costs if all of it is turned."""
+    return math.fsum(
+        (wrap_rad(off_rad + turn_rad) ** 2 - off_rad**2) / (sd_rad * sd_rad)
+        for off_rad, sd_rad in _headings(found, group)
+    )
+
+
+def _headings(found: Solved, group: Sequence[int]) -> Iterator[tuple[float, float]]:
+    """Yield how far units of a group are turned off what is known of it, and how surely (rad)."""
     graph = found.assembled.graph
-    cost = 0.0
     for index in group:
         first, end = graph.first[index : index + 2].tolist()
         for (told_rad, sd_rad), node in zip(
             graph.turn.tolist(), graph.turn_at.tolist(), strict=True
         ):
             if first <= node < end and sd_rad < KNOWN_TURN_SD_RAD:
-                off_rad = float(found.pose[node, 2]) - told_rad
-                turned_rad = wrap_rad(off_rad + turn_rad)
-                cost += (turned_rad * turned_rad - wrap_rad(off_rad) ** 2) / (sd_rad * sd_rad)
-    return cost
+                yield wrap_rad(float(found.pose[node, 2]) - told_rad), sd_rad
 
 
 def _believing(found: Solved, rival: Rival, settings: TeamSettings) -> Solved:
     """Return the solution as it is under another belief of the building's axis."""
     belief = AxisBelief(rival.mode, rival.axis_rad, rival.sd_rad, found.belief.units)
-    pose, arrow = found.pose.copy(), found.arrow.copy()
-    if rival.mode == "given" or found.belief.mode == "none":
-        arrow[AXIS] = rival.axis_rad
+    begin = found
+    if found.belief.mode == "given" and rival.mode != "given":
+        for group in tied_groups(found.assembled):
+            begin = _as_headings_have_it(begin, group)
+    pose, arrow = begin.pose.copy(), begin.arrow.copy()
+    arrow[AXIS] = rival.axis_rad
     return solved_from(
         found.assembled.believing(belief, settings), pose, arrow, belief, settings,
         settings.commit_iterations,
     )  # fmt: skip
+
+
+def _as_headings_have_it(found: Solved, group: tuple[int, ...]) -> Solved:
+    """Return the solution with a group's map turned as one, as suits what is known of headings."""
+    headings = list(_headings(found, group))
+    known = math.fsum(1.0 / sd_rad**2 for _, sd_rad in headings)
+    if known == 0.0:
+        return found
+    turn_rad = -math.fsum(off_rad / sd_rad**2 for off_rad, sd_rad in headings) / known
+    _, node = gauge(found.assembled, group)
+    pose, arrow = turned_as_one(found, group, node, turn_rad)
+    return found._replace(pose=pose, arrow=arrow)
