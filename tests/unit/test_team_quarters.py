@@ -46,6 +46,9 @@ def test_who_goes_far_off_the_axis_may_go_square_to_it() -> None:
     assert chains == (0,)
     assert turned_rad[0] == pytest.approx(math.radians(-33.0), abs=0.05)
     assert turned_rad[square] == pytest.approx(math.radians(57.0), abs=0.05)
+    (free,) = [degrees for degrees, (_, way) in zip(turned_deg(ways), ways, strict=True)
+               if way.belief.mode == "free"]  # fmt: skip
+    assert free == pytest.approx(0.0, abs=2.0)
     less_likely = math.exp(-0.5 * (57.0**2 - 33.0**2) / 20.0**2)
     assert ways[square][0] / ways[0][0] == pytest.approx(less_likely, rel=0.2)
     assert sum(share for share, _ in ways) == pytest.approx(1.0)
