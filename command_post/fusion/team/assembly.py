@@ -32,19 +32,28 @@ UNKNOWN_TURN_SD_RAD = 50.0
 ANY_AXIS_SD_RAD = 10.0
 
 
+class Rival(NamedTuple):
+    """Another belief of the building's axis, and how likely it is."""
+
+    mode: str
+    axis_rad: float
+    sd_rad: float
+    share: float
+
+
 class AxisBelief(NamedTuple):
     """What is supposed of the building: its axis (rad) and how well that is known, if it has one.
 
     ``units`` are those whose heading is known well enough, without it, to be held to it: an axis
     is alike modulo a right angle, and would hold a heading that may be any to a wrong one as well.
-    ``rivals`` are the modes of other beliefs beside an axis, and how likely each is.
+    ``rivals`` are the other beliefs, the likeliest of each mode.
     """
 
     mode: str
     axis_rad: float
     sd_rad: float
     units: frozenset[UnitName]
-    rivals: tuple[tuple[str, float], ...] = ()
+    rivals: tuple[Rival, ...] = ()
 
 
 NO_AXIS = AxisBelief("none", 0.0, 1.0, frozenset())

@@ -10,11 +10,14 @@ by how likely it is. Each is solved by itself, for which of a crew of a large te
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
 
 from command_post.fusion.team.arithmetic import exponential
-from command_post.fusion.team.assembly import ANY_AXIS_SD_RAD, NO_AXIS, AxisBelief
+from command_post.fusion.team.assembly import AxisBelief, Rival
+from command_post.fusion.team.axis_choice import AXIS_WORTH
 from command_post.fusion.team.chain import KNOWN_TURN_SD_RAD
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.settings import TeamSettings
@@ -26,6 +29,10 @@ from shared.maths.angles import wrap_rad
 LEAST_SHARE = 0.03
 """What is less likely is left out: a region holds 95 % without it, and outlines take long."""
 MOST_COST = -2.0 * math.log(LEAST_SHARE)
+
+
+_Way: TypeAlias = tuple[float, Solved]
+"""How likely it is that a map lies so."""
 
 
 class _Quarter(NamedTuple):
@@ -49,37 +56,73 @@ def with_likeliest_quarter(found: Solved, settings: TeamSettings) -> Solved:
 
 
 def with_other_ways(found: Solved, settings: TeamSettings, iterations: int) -> Solved:
-    """Return a solution with all ways that its map may lie otherwise, if it is held to an axis.
+    """Return a solution with all ways that its map may lie otherwise, if there may be an axis.
 
-    Ends and places are as uncertain as these differ. It is ``found`` itself if there is no other.
+    Ends and places are as one of these has them, which does least harm, and as uncertain as they
+    differ. It is ``found`` itself if there is no other way.
     """
     groups = _groups(found, settings)
     if not groups:
         return found
-    rivals = [
-        (share, _believing(found, mode, settings))
-        for mode, share in found.belief.rivals
-        if share > LEAST_SHARE and mode != "given"
-    ]
-    doubt = math.fsum(share for share, _ in rivals)
+    believed = _believed(found, settings)
     way = found
     for group in groups:
-        quarters = _quarters(found, group, settings, iterations)
-        odds = [exponential(-0.5 * max(each.cost, 0.0)) for each in quarters]
-        share = (1.0 - doubt) / (1.0 + math.fsum(odds))
-        others = [(share * odd, each.solved) for odd, each in zip(odds, quarters, strict=True)]
-        ways = [(share, found), *(w for w in (*others, *rivals) if w[0] > LEAST_SHARE)]
-        ways = [(each, solved) for each, solved in ways if solved.is_sound]
+        ways = [
+            each
+            for share, solved in believed
+            for each in _with_quarters(share, solved, group, settings, iterations)
+            if each[0] > LEAST_SHARE
+        ]
         if len(ways) > 1:
-            total = math.fsum(each for each, _ in ways)
-            shared = tuple((each / total, solved) for each, solved in ways)
-            way = spread_over(way, Turns(group, shared))
+            total = math.fsum(share for share, _ in ways)
+            shared = [(share / total, solved) for share, solved in ways]
+            way = spread_over(way, Turns(group, _least_harmful_first(shared, group)))
     return way
 
 
+def _believed(found: Solved, settings: TeamSettings) -> list[_Way]:
+    """Return the solution and what it is under each other belief, with how likely these are."""
+    rivals = [each for each in found.belief.rivals if each.share > LEAST_SHARE]
+    own = (1.0 - math.fsum(each.share for each in rivals), found)
+    others = [(each.share, _believing(found, each, settings)) for each in rivals]
+    return [own, *(way for way in others if way[1].is_sound)]
+
+
+def _with_quarters(
+    share: float, solved: Solved, group: tuple[int, ...], settings: TeamSettings, iterations: int
+) -> list[_Way]:
+    """Return the ways that a group's map may lie under a belief of that ``share``."""
+    belief, everybody = solved.belief, len(solved.assembled.chains)
+    if belief.mode == "none" or (belief.mode == "free" and len(group) == everybody):
+        return [(share, solved)]
+    quarters = _quarters(solved, group, settings, iterations)
+    odds = [exponential(-0.5 * max(each.cost, 0.0)) for each in quarters]
+    own = share / (1.0 + math.fsum(odds))
+    others = [(own * odd, each.solved) for odd, each in zip(odds, quarters, strict=True)]
+    return [(own, solved), *others]
+
+
+def _least_harmful_first(ways: list[_Way], group: Sequence[int]) -> tuple[_Way, ...]:
+    """Return the ways with that one first which is least far, squared, from what else may be."""
+    ends = np.array([
+        [way.pose[way.assembled.graph.first[index + 1] - 1, :2] for index in group]
+        for _, way in ways
+    ])  # fmt: skip
+    harms = []
+    for end in ends:
+        apart_m2 = ((ends - end) ** 2).sum(axis=(1, 2)).tolist()
+        harms.append(math.fsum(_weight(*w) * m2 for w, m2 in zip(ways, apart_m2, strict=True)))
+    first = harms.index(min(harms))
+    return (ways[first], *ways[:first], *ways[first + 1 :])
+
+
+def _weight(share: float, way: Solved) -> float:
+    return share * (exponential(-0.5 * AXIS_WORTH) if way.belief.mode == "none" else 1.0)
+
+
 def _groups(found: Solved, settings: TeamSettings) -> list[tuple[int, ...]]:
-    """Return the groups that are held to an axis, but for those whose turns are told already."""
-    if found.belief.mode == "none":
+    """Return the groups that may be held to an axis, but for those whose turns are told already."""
+    if found.belief.mode == "none" and not found.belief.rivals:
         return []
     told = {index for turns in found.turns for index in turns.chains}
     sharp_rad2 = settings.recovered_turn_sd_rad**2
@@ -108,27 +151,46 @@ def _quarters(
 
 def _cost_of_headings(found: Solved, group: Sequence[int], turn_rad: float) -> float:
     """Return how much more what is known of a group's headings costs if all of it is turned."""
+    return math.fsum(
+        (wrap_rad(off_rad + turn_rad) ** 2 - off_rad**2) / (sd_rad * sd_rad)
+        for off_rad, sd_rad in _headings(found, group)
+    )
+
+
+def _headings(found: Solved, group: Sequence[int]) -> Iterator[tuple[float, float]]:
+    """Yield how far units of a group are turned off what is known of it, and how surely (rad)."""
     graph = found.assembled.graph
-    cost = 0.0
     for index in group:
         first, end = graph.first[index : index + 2].tolist()
         for (told_rad, sd_rad), node in zip(
             graph.turn.tolist(), graph.turn_at.tolist(), strict=True
         ):
             if first <= node < end and sd_rad < KNOWN_TURN_SD_RAD:
-                off_rad = float(found.pose[node, 2]) - told_rad
-                turned_rad = wrap_rad(off_rad + turn_rad)
-                cost += (turned_rad * turned_rad - wrap_rad(off_rad) ** 2) / (sd_rad * sd_rad)
-    return cost
+                yield wrap_rad(float(found.pose[node, 2]) - told_rad), sd_rad
 
 
-def _believing(found: Solved, mode: str, settings: TeamSettings) -> Solved:
-    """Return the solution as it is if the building has no axis, or if that is a ``free`` one."""
-    axis_rad = float(found.arrow[AXIS])
-    belief = AxisBelief(mode, axis_rad, ANY_AXIS_SD_RAD, found.belief.units)
-    if mode == "none":
-        belief = NO_AXIS._replace(units=found.belief.units)
+def _believing(found: Solved, rival: Rival, settings: TeamSettings) -> Solved:
+    """Return the solution as it is under another belief of the building's axis."""
+    belief = AxisBelief(rival.mode, rival.axis_rad, rival.sd_rad, found.belief.units)
+    begin = found
+    if found.belief.mode == "given" and rival.mode != "given":
+        for group in tied_groups(found.assembled):
+            begin = _as_headings_have_it(begin, group)
+    pose, arrow = begin.pose.copy(), begin.arrow.copy()
+    arrow[AXIS] = rival.axis_rad
     return solved_from(
-        found.assembled.believing(belief, settings), found.pose.copy(), found.arrow.copy(), belief,
-        settings, settings.commit_iterations,
+        found.assembled.believing(belief, settings), pose, arrow, belief, settings,
+        settings.commit_iterations,
     )  # fmt: skip
+
+
+def _as_headings_have_it(found: Solved, group: tuple[int, ...]) -> Solved:
+    """Return the solution with a group's map turned as one, as suits what is known of headings."""
+    headings = list(_headings(found, group))
+    known = math.fsum(1.0 / sd_rad**2 for _, sd_rad in headings)
+    if known == 0.0:
+        return found
+    turn_rad = -math.fsum(off_rad / sd_rad**2 for off_rad, sd_rad in headings) / known
+    _, node = gauge(found.assembled, group)
+    pose, arrow = turned_as_one(found, group, node, turn_rad)
+    return found._replace(pose=pose, arrow=arrow)

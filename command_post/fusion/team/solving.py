@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from command_post.fusion.team.arithmetic import exponential
 from command_post.fusion.team.assembly import (
     ANY_AXIS_SD_RAD,
     NO_AXIS,
@@ -17,6 +16,7 @@ from command_post.fusion.team.assembly import (
     assemble,
 )
 from command_post.fusion.team.axis import directions, likely_axis, told_by_legs, witnesses
+from command_post.fusion.team.axis_choice import best_of, rivals_of
 from command_post.fusion.team.chain import UnitName, turn_known
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import TeamLog
@@ -39,12 +39,9 @@ UNDECIDED_COST = 9.0
 GAUGE_SD_RAD = math.radians(15.75)
 """A group that knows no heading is held to a turn so loosely, that others may be told by it."""
 LEAST_NODES = 4
-FREE_AXIS_COST = 5.0
+FREE_AXIS_COST = 3.0
 NO_AXIS_COST = 4.0
 """How much less likely beforehand a building is that stands askew, or has no axis."""
-AXIS_WORTH = 4.0
-"""By so much an axis may be less likely than none, and is believed in. Where it is right somebody
-is near one place, else they are anywhere along an arc: none of its places is as likely as that."""
 FREE_AXIS_DENSITY_COST = 2.0 * math.log(HALF_PI) - math.log(2.0 * math.pi)
 """Of an axis that may be any, alike modulo a right angle, beside Gaussians without their 2π."""
 
@@ -249,15 +246,6 @@ def _with_axis(
         from_here = pose.copy(), arrow.copy()
         return _begun(believing, from_here, before, belief, settings, settings.commit_iterations)
 
-    def cost(tried: Solved, belief_cost: float) -> float:
-        """Return a belief's cost with what it takes to change to it."""
-        # Hysteresis: of two axes the one held so far has the better of a tie. Whether there is one
-        # at all the evidence says alone: both too late, a wrong one and a right one cost metres.
-        # Of who is alone it has to say so loudly: one drift of theirs turns all their legs.
-        is_other = _is_other(tried.belief, before.belief, alone=len(found.assembled.chains) == 1)
-        worth = AXIS_WORTH if tried.belief.mode == "none" else 0.0
-        return belief_cost + worth + (settings.adopt_gain if is_other else 0.0)
-
     found = found._replace(belief=found.belief._replace(rivals=()))
     unheld = under(NO_AXIS._replace(units=held))
     if not unheld.is_sound:
@@ -274,30 +262,26 @@ def _with_axis(
         if _may_be_planned(free, before.belief, settings):
             planned_rad = settings.planned_axis_rad or 0.0
             trials.insert(0, under(given._replace(axis_rad=planned_rad)))
-    costs = [_belief_cost(tried, settings) for tried in trials]
-    best, _ = min(zip(trials, costs, strict=True), key=lambda each: cost(*each))
-    if best.belief.mode == "none" and before.belief.mode != "none":
+    best = _best(trials, before.belief, settings)
+    if best.belief.mode not in ("given", before.belief.mode) and before.belief.mode != "none":
         # One whose heading is held to the wrong right angle speaks against an axis as well.
         anew = [_turned_to(unheld, tried.belief, settings) for tried in trials[:-1]]
-        trials, costs = [*anew, unheld], [*(_belief_cost(t, settings) for t in anew), costs[-1]]
-        best, _ = min(zip(trials, costs, strict=True), key=lambda each: cost(*each))
-    if best.belief.mode == "none":
-        return best
-    return best._replace(belief=best.belief._replace(rivals=_rivals(best, trials, costs)))
+        best = _best([*anew, unheld], before.belief, settings)
+    return best
 
 
-def _rivals(
-    best: Solved, trials: list[Solved], costs: list[float]
-) -> tuple[tuple[str, float], ...]:
-    """Return how likely each belief is but the best: of an axis given the one that suits better."""
-    least = min(costs)
-    odds = [exponential(0.5 * (least - cost)) for cost in costs]
-    of_mode: dict[str, float] = {}
-    for tried, odd in zip(trials, odds, strict=True):
-        mode = tried.belief.mode
-        of_mode[mode] = max(of_mode.get(mode, 0.0), odd)
-    total = math.fsum(of_mode.values())
-    return tuple((m, odd / total) for m, odd in of_mode.items() if m != best.belief.mode)
+def _best(trials: list[Solved], held: AxisBelief, settings: TeamSettings) -> Solved:
+    """Return the trial that is to be acted upon, with how likely the others are."""
+    costs = [_belief_cost(tried, settings) for tried in trials]
+    beliefs = [
+        tried.belief._replace(axis_rad=float(tried.arrow[AXIS]))
+        if tried.belief.mode == "free"
+        else tried.belief
+        for tried in trials
+    ]
+    alone = len(trials[0].assembled.chains) == 1
+    best = trials[best_of(beliefs, costs, held, settings.adopt_gain, alone=alone)]
+    return best._replace(belief=best.belief._replace(rivals=rivals_of(beliefs, costs, best.belief)))
 
 
 def _turned_to(unheld: Solved, belief: AxisBelief, settings: TeamSettings) -> Solved:
@@ -308,17 +292,6 @@ def _turned_to(unheld: Solved, belief: AxisBelief, settings: TeamSettings) -> So
         unheld.assembled.believing(belief, settings), unheld.pose.copy(), arrow, belief, settings,
         settings.commit_iterations,
     )  # fmt: skip
-
-
-def _is_other(one: AxisBelief, held: AxisBelief, *, alone: bool) -> bool:
-    """Whether one is of an axis, and not of that which is held, if one is.
-
-    That an axis may be any says nothing against the one given. Of who is ``alone`` it is another
-    one as well if just one of the two is of an axis.
-    """
-    if "none" in (one.mode, held.mode):
-        return alone and one.mode != held.mode
-    return held.mode == "given" and (one.mode, one.axis_rad) != (held.mode, held.axis_rad)
 
 
 def _may_be_planned(free: Solved, held: AxisBelief, settings: TeamSettings) -> bool:
