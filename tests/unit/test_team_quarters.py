@@ -45,7 +45,12 @@ def test_who_knows_their_heading_may_not() -> None:
 
 def test_an_axis_is_believed_in_with_as_much_doubt_as_legs_leave() -> None:
     few, many = (walked(math.radians(2.0), 0.0, corners) for corners in (SQUARE[:3], 3 * SQUARE))
-    doubts = [dict(found.belief.rivals)["none"] for found in (few, many)]
+    doubts = [
+        share
+        for found in (few, many)
+        for belief, share in found.belief.rivals
+        if belief.mode == "none"
+    ]
     assert 0.5 > doubts[0] > 10.0 * doubts[1] > 0.0
 
 

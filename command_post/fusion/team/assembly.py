@@ -35,14 +35,14 @@ class AxisBelief(NamedTuple):
 
     ``units`` are those whose heading is known well enough, without it, to be held to it: an axis
     is alike modulo a right angle, and would hold a heading that may be any to a wrong one as well.
-    ``rivals`` are the modes of other beliefs beside an axis, and how likely each is.
+    ``rivals`` are other beliefs, and how likely each is.
     """
 
     mode: str
     axis_rad: float
     sd_rad: float
     units: frozenset[UnitName]
-    rivals: tuple[tuple[str, float], ...] = ()
+    rivals: tuple[tuple[AxisBelief, float], ...] = ()
 
 
 NO_AXIS = AxisBelief("none", 0.0, 1.0, frozenset())

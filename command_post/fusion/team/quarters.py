@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from command_post.fusion.team.arithmetic import exponential
-from command_post.fusion.team.assembly import ANY_AXIS_SD_RAD, NO_AXIS, AxisBelief
+from command_post.fusion.team.assembly import AxisBelief
 from command_post.fusion.team.chain import KNOWN_TURN_SD_RAD
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.settings import TeamSettings
@@ -57,9 +57,9 @@ def with_other_ways(found: Solved, settings: TeamSettings, iterations: int) -> S
     if not groups:
         return found
     rivals = [
-        (share, _believing(found, mode, settings))
-        for mode, share in found.belief.rivals
-        if share > LEAST_SHARE and mode != "given"
+        (share, _believing(found, belief, settings))
+        for belief, share in found.belief.rivals
+        if share > LEAST_SHARE
     ]
     doubt = math.fsum(share for share, _ in rivals)
     way = found
@@ -78,8 +78,9 @@ def with_other_ways(found: Solved, settings: TeamSettings, iterations: int) -> S
 
 
 def _groups(found: Solved, settings: TeamSettings) -> list[tuple[int, ...]]:
-    """Return the groups that are held to an axis, but for those whose turns are told already."""
-    if found.belief.mode == "none":
+    """Return the groups that may be held to an axis, but for those whose turns are told already."""
+    belief = found.belief
+    if belief.mode == "none" and all(share <= LEAST_SHARE for _, share in belief.rivals):
         return []
     told = {index for turns in found.turns for index in turns.chains}
     sharp_rad2 = settings.recovered_turn_sd_rad**2
@@ -96,7 +97,7 @@ def _quarters(
     """Return a group's map turned by right angles, as far as headings leave that possible."""
     _, node = gauge(found.assembled, group)
     quarters = []
-    for turn_rad in QUARTERS_RAD:
+    for turn_rad in QUARTERS_RAD if found.belief.mode != "none" else ():
         if _cost_of_headings(found, group, turn_rad) > MOST_COST:
             continue
         pose, arrow = turned_as_one(found, tuple(group), node, turn_rad)
@@ -122,13 +123,11 @@ def _cost_of_headings(found: Solved, group: Sequence[int], turn_rad: float) -> f
     return cost
 
 
-def _believing(found: Solved, mode: str, settings: TeamSettings) -> Solved:
-    """Return the solution as it is if the building has no axis, or if that is a ``free`` one."""
-    axis_rad = float(found.arrow[AXIS])
-    belief = AxisBelief(mode, axis_rad, ANY_AXIS_SD_RAD, found.belief.units)
-    if mode == "none":
-        belief = NO_AXIS._replace(units=found.belief.units)
+def _believing(found: Solved, belief: AxisBelief, settings: TeamSettings) -> Solved:
+    """Return the solution as it is under another belief of the building."""
+    pose, arrow = found.pose.copy(), found.arrow.copy()
+    arrow[AXIS] = belief.axis_rad
     return solved_from(
-        found.assembled.believing(belief, settings), found.pose.copy(), found.arrow.copy(), belief,
-        settings, settings.commit_iterations,
+        found.assembled.believing(belief, settings), pose, arrow, belief, settings,
+        settings.commit_iterations,
     )  # fmt: skip

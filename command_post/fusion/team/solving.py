@@ -277,23 +277,23 @@ def _with_axis(
         anew = [_turned_to(unheld, tried.belief, settings) for tried in trials[:-1]]
         trials, costs = [*anew, unheld], [*(_belief_cost(t, settings) for t in anew), costs[-1]]
         best, _ = min(zip(trials, costs, strict=True), key=lambda each: cost(*each))
-    if best.belief.mode == "none":
-        return best
     return best._replace(belief=best.belief._replace(rivals=_rivals(best, trials, costs)))
 
 
 def _rivals(
     best: Solved, trials: list[Solved], costs: list[float]
-) -> tuple[tuple[str, float], ...]:
+) -> tuple[tuple[AxisBelief, float], ...]:
     """Return how likely each belief is but the best: of an axis given the one that suits better."""
     least = min(costs)
-    odds = [exponential(0.5 * (least - cost)) for cost in costs]
-    of_mode: dict[str, float] = {}
-    for tried, odd in zip(trials, odds, strict=True):
-        mode = tried.belief.mode
-        of_mode[mode] = max(of_mode.get(mode, 0.0), odd)
-    total = math.fsum(of_mode.values())
-    return tuple((m, odd / total) for m, odd in of_mode.items() if m != best.belief.mode)
+    of_mode: dict[str, tuple[float, AxisBelief]] = {}
+    for tried, tried_cost in zip(trials, costs, strict=True):
+        odd, belief = exponential(0.5 * (least - tried_cost)), tried.belief
+        if belief.mode == "free":
+            belief = belief._replace(axis_rad=float(tried.arrow[AXIS]))
+        if belief.mode not in of_mode or odd > of_mode[belief.mode][0]:
+            of_mode[belief.mode] = odd, belief
+    total = math.fsum(odd for odd, _ in of_mode.values())
+    return tuple((b, odd / total) for m, (odd, b) in of_mode.items() if m != best.belief.mode)
 
 
 def _turned_to(unheld: Solved, belief: AxisBelief, settings: TeamSettings) -> Solved:
@@ -339,16 +339,19 @@ def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
     It is its evidence, by Laplace's approximation about the solution (MacKay, "Bayesian
     interpolation", 1992): an axis gains little by legs along it where headings may be turned to
     suit any. All straight moves are held to an axis, but one leg of each corridor tells of it: with
-    the others its width would be that of headings which the corridor tells, axis or not.
+    the others its width would be that of headings which the corridor tells, axis or not. So
+    it is told about where these alone have everybody: else all that the others bend, who tell
+    nothing, would speak against an axis.
     """
-    graph, belief = tried.assembled.graph, tried.belief
-    told = witnesses(graph, tried.pose)
-    cost = tried.cost + log_determinant(told, tried.pose, tried.arrow)
+    belief, pose, arrow = tried.belief, tried.pose.copy(), tried.arrow.copy()
+    told, cost = witnesses(tried.assembled.graph, pose), tried.cost
     if belief.mode == "none":
-        return cost + NO_AXIS_COST
-    of_moves, _ = told_by_legs(graph, tried.pose, tried.arrow, settings.axis_least_share)
-    _, of_witnesses = told_by_legs(told, tried.pose, tried.arrow, settings.axis_least_share)
-    cost += of_witnesses - of_moves
+        return cost + log_determinant(told, pose, arrow) + NO_AXIS_COST
+    cost, *_ = smooth(
+        told, pose, arrow, settings.commit_iterations, settings.settled_m, NO_COVARIANCE
+    )
+    of_moves, of_legs = told_by_legs(told, pose, arrow, settings.axis_least_share)
+    cost += log_determinant(told, pose, arrow) + of_legs - of_moves
     if belief.mode == "given":
         return cost + 2.0 * math.log(belief.sd_rad)
     return cost + FREE_AXIS_COST + FREE_AXIS_DENSITY_COST
