@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from command_post.fusion.team.assembly import NO_AXIS
 from command_post.fusion.team.quarters import with_likeliest_quarter, with_other_ways
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solving import Solved, solved_from
@@ -52,6 +53,23 @@ def test_an_axis_is_believed_in_with_as_much_doubt_as_legs_leave() -> None:
         if belief.mode == "none"
     ]
     assert 0.5 > doubts[0] > 10.0 * doubts[1] > 0.0
+
+
+def test_who_is_held_to_no_axis_may_be_where_that_given_has_them() -> None:
+    given = walked(math.radians(2.0), 0.0, SQUARE)
+    askew = walked(math.radians(2.0), math.radians(8.0), SQUARE)
+    unheld = askew._replace(
+        assembled=askew.assembled.believing(NO_AXIS, SETTINGS),
+        belief=NO_AXIS._replace(units=askew.belief.units, rivals=((given.belief, 0.2),)),
+    )
+    unheld = solved_from(unheld.assembled, unheld.pose, unheld.arrow, unheld.belief, SETTINGS, 12)
+    ((_, ways),) = with_other_ways(unheld, SETTINGS, 5).turns
+    assert [share for share, _ in ways] == pytest.approx([0.8, 0.2])
+    assert ways[0][1] is unheld
+    turned_rad = [float(way.pose[-1, 2]) for _, way in ways]
+    assert abs(turned_rad[0]) < 0.03 < -0.05 - turned_rad[1]
+    unlikely = unheld._replace(belief=unheld.belief._replace(rivals=((given.belief, 0.02),)))
+    assert with_other_ways(unlikely, SETTINGS, 5) is unlikely
 
 
 def test_a_map_that_was_turned_by_a_right_angle_is_turned_back_as_a_whole() -> None:

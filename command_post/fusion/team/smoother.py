@@ -45,9 +45,10 @@ def smooth(
     """Improve ``pose`` (n, 3) and ``arrow`` (A,) in place, until no place moves ``settled_m``.
 
     Returns the cost before the last step (twice the negative log-posterior, up to a constant), the
-    iterations made, and covariances as in :class:`Covariance`: none, of each chain's last node
-    and the arrow, or of all, as ``covariance`` says, about that step's state. A cost of infinity says that the equations
-    could not be solved; pose and arrow are then as they were.
+    iterations made, and covariances as in :class:`Covariance`, about the state before that step and
+    with the tails of turns: none, of each chain's last node and the arrow, or of all, as
+    ``covariance`` says. A cost of infinity says that the equations could not be solved; pose and
+    arrow are then as they were.
     """
     system = empty_system(graph, arrow.size)
     ends_at = np.zeros((graph.first.size - 1, 6))
