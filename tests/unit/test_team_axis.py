@@ -115,6 +115,15 @@ def test_all_of_a_team_on_one_way_are_one_witness_of_each_corridor() -> None:
     assert told[0] == told[1] == moves * 4 // 5
 
 
+def test_who_walks_a_corridor_askew_again_and_again_says_nothing_against_its_axis() -> None:
+    east_m = 24.0 * math.tan(math.radians(5.0))
+    to_and_fro = [(30.0, 6.0 + east_m), (6.0, 6.0), (30.0, 6.0 - east_m), (6.0, 6.0)] * 6
+    corners = [(0.0, 0.0), (0.0, 6.0), (6.0, 6.0), *to_and_fro, (6.0, 14.0), (-2.0, 14.0)]
+    found = walked(math.radians(2.0), 0.0, corners)
+    assert found.belief.mode == "given"
+    assert max(each.share for each in found.belief.rivals) < 0.4
+
+
 def test_legs_in_one_strip_are_of_one_corridor() -> None:
     hall, back = [0.0, 0.0, 10.0, 0.0], [12.0, 1.0, 4.0, 0.2]
     beside, further, across = [0.0, 4.0, 10.0, 4.0], [20.0, 0.0, 30.0, 0.0], [5.0, -5.0, 5.0, 5.0]

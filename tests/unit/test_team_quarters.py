@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from command_post.fusion.team.assembly import NO_AXIS, Rival
 from command_post.fusion.team.quarters import (
     LEAST_SHARE,
     with_likeliest_quarter,
@@ -66,6 +67,27 @@ def test_an_axis_is_believed_in_with_as_much_doubt_as_legs_leave() -> None:
     few, many = (walked(math.radians(2.0), 0.0, corners) for corners in (SQUARE[:3], 3 * SQUARE))
     doubts = [share_of(found, "none") for found in (few, many)]
     assert 0.5 > doubts[0] > 10.0 * doubts[1] > 0.0
+
+
+def rival(of: Solved, share: float) -> Rival:
+    return Rival(of.belief.mode, of.belief.axis_rad, of.belief.sd_rad, share)
+
+
+def test_who_is_held_to_no_axis_may_be_where_that_given_has_them() -> None:
+    given = walked(math.radians(2.0), 0.0, SQUARE)
+    askew = walked(math.radians(2.0), math.radians(8.0), SQUARE)
+    unheld = askew._replace(
+        assembled=askew.assembled.believing(NO_AXIS, SETTINGS),
+        belief=NO_AXIS._replace(units=askew.belief.units, rivals=(rival(given, 0.05),)),
+    )
+    unheld = solved_from(unheld.assembled, unheld.pose, unheld.arrow, unheld.belief, SETTINGS, 12)
+    ((_, ways),) = with_other_ways(unheld, SETTINGS, 5).turns
+    assert [share for share, _ in ways] == pytest.approx([0.95, 0.05])
+    assert ways[0][1] is unheld
+    turned_rad = [float(way.pose[-1, 2]) for _, way in ways]
+    assert abs(turned_rad[0]) < 0.03 < -0.05 - turned_rad[1]
+    unlikely = unheld._replace(belief=unheld.belief._replace(rivals=(rival(given, 0.02),)))
+    assert with_other_ways(unlikely, SETTINGS, 5) is unlikely
 
 
 def test_a_map_that_was_turned_by_a_right_angle_is_turned_back_as_a_whole() -> None:

@@ -9,10 +9,12 @@ import pytest
 
 from command_post.confidence import inside95
 from command_post.fusion.team.estimates import bent_back
+from command_post.fusion.team.graph import TURN_DOF
 from command_post.fusion.team.move_log import Floats
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.team_tracker import TeamTracker
 from tests.stride_world import stride, track_start
+from tests.unit.test_team_axis import walked
 
 WAY_M = 20.0
 START_SD_M = 0.5
@@ -27,7 +29,7 @@ def gone_north(heading_sd_rad: float) -> TeamTracker:
     return tracker
 
 
-@pytest.mark.parametrize("heading_sd_deg", [2.0, 15.0, 30.0])
+@pytest.mark.parametrize("heading_sd_deg", [5.0, 15.0, 30.0])
 def test_a_live_region_holds_ends_on_an_arc(heading_sd_deg: float) -> None:
     told = gone_north(math.radians(heading_sd_deg)).estimates["r1"]
     chance = np.random.default_rng(5)
@@ -45,6 +47,15 @@ def test_how_far_an_arc_bends_back_is_the_mean_square_that_it_is_said_to_be() ->
             0.5 * (1.0 + math.exp(-2.0 * turn_rad**2)) - 2.0 * math.exp(-0.5 * turn_rad**2) + 1.0
         )
         assert bent_back(float(turn_rad**2)) == pytest.approx(exact, rel=0.03)
+
+
+def test_of_who_passes_nothing_a_heading_is_as_unsure_as_turns_with_tails_are() -> None:
+    found = walked(math.radians(2.0), 0.0, [(0.0, 0.0), (96.0, 0.0)])
+    _, _, duration_s, _, sd_rad = found.assembled.graph.move.T
+    drifted_rad = TeamSettings().drift_sd_rad_s * float(duration_s.sum())
+    tails = TURN_DOF / (TURN_DOF - 2.0)
+    turned_rad2 = math.radians(2.0) ** 2 + drifted_rad**2 + tails * float(sd_rad @ sd_rad)
+    assert turned_rad2 < float(found.ends[0, 3]) < 1.6 * turned_rad2
 
 
 def gone_about_a_square(axis_factor: float, *, axis: bool = True) -> TeamTracker:

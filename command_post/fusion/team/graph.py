@@ -81,6 +81,10 @@ PLACE_DOF = 4.0
 TURN_DOF = 8.0
 """Student's t for moves: places of now and then a missed stride, turns of now and then a jump."""
 
+TURN_TAILS = 1.5
+"""By so much wider are turns in covariances. These are of the curvature in the middle of Student's
+t, with two thirds of its variance, for its tails are left out; and drifts are no constants."""
+
 SCALE_DOF = 4.0
 """Student's t for what is known of scales: most units are as told, one now and then is far off."""
 
@@ -93,6 +97,21 @@ LOOSE_SCALE_SD = 0.1
 
 LARGEST_TURN_RAD = 0.6
 """A step of the solution that turns a node further is shortened, all of it alike."""
+
+
+@compiled
+def with_tails(graph: Graph) -> Graph:
+    """Return the graph of which covariances are told: with turns as wide as their tails make them.
+
+    It is about the same states: these are where all is likeliest.
+    """
+    move = graph.move.copy()
+    move[:, 4] *= TURN_TAILS
+    return Graph(
+        graph.first, graph.columns, graph.columns_first, graph.width, move, graph.move_at,
+        graph.tie, graph.tie_at, graph.fix, graph.fix_at, graph.turn, graph.turn_at,
+        graph.straight, graph.straight_at, graph.place, graph.unit_sd, graph.axis, graph.lead,
+    )  # fmt: skip
 
 
 @compiled

@@ -122,7 +122,7 @@ def _weight(share: float, way: Solved) -> float:
 
 def _groups(found: Solved, settings: TeamSettings) -> list[tuple[int, ...]]:
     """Return the groups that may be held to an axis, but for those whose turns are told already."""
-    if found.belief.mode == "none" and not found.belief.rivals:
+    if found.belief.mode == "none" and all(r.share <= LEAST_SHARE for r in found.belief.rivals):
         return []
     told = {index for turns in found.turns for index in turns.chains}
     sharp_rad2 = settings.recovered_turn_sd_rad**2
@@ -139,7 +139,7 @@ def _quarters(
     """Return a group's map turned by right angles, as far as headings leave that possible."""
     _, node = gauge(found.assembled, group)
     quarters = []
-    for turn_rad in QUARTERS_RAD:
+    for turn_rad in QUARTERS_RAD if found.belief.mode != "none" else ():
         if _cost_of_headings(found, group, turn_rad) > MOST_COST:
             continue
         pose, arrow = turned_as_one(found, tuple(group), node, turn_rad)

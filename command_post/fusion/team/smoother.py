@@ -21,7 +21,7 @@ from command_post.fusion.team.arithmetic import (
 )
 from command_post.fusion.team.blocks import determinant
 from command_post.fusion.team.elimination import reduce_to_arrow, take_step
-from command_post.fusion.team.graph import Graph
+from command_post.fusion.team.graph import Graph, with_tails
 from command_post.fusion.team.marginals import NO_COVARIANCE, marginals
 from command_post.fusion.team.residuals import cost_of
 from command_post.fusion.team.system import empty_system
@@ -45,9 +45,10 @@ def smooth(
     """Improve ``pose`` (n, 3) and ``arrow`` (A,) in place, until no place moves ``settled_m``.
 
     Returns the cost before the last step (twice the negative log-posterior, up to a constant), the
-    iterations made, and covariances as in :class:`Covariance`: none, of each chain's last node
-    and the arrow, or of all, as ``covariance`` says. A cost of infinity says that the equations
-    could not be solved; pose and arrow are then as they were.
+    iterations made, and covariances as in :class:`Covariance`, about the state before that step and
+    with the tails of turns: none, of each chain's last node and the arrow, or of all, as
+    ``covariance`` says. A cost of infinity says that the equations could not be solved; pose and
+    arrow are then as they were.
     """
     system = empty_system(graph, arrow.size)
     ends_at = np.zeros((graph.first.size - 1, 6))
@@ -67,6 +68,9 @@ def smooth(
     cost = cost_of(graph, last_pose, last_arrow)
     if covariance == NO_COVARIANCE:
         return cost, made, ends_at, nothing
+    reduce_to_arrow(with_tails(graph), last_pose, last_arrow, system)
+    if not factorise(system.arrow):
+        return math.inf, made, ends_at, nothing
     shared = invert_factorised(system.arrow)
     return cost, made, marginals(graph, system, shared, covariance), shared
 

@@ -23,6 +23,7 @@ from command_post.fusion.team.graph import (
     SCALE_DOF,
     TURN_DOF,
     Graph,
+    with_tails,
 )
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -43,36 +44,43 @@ class Factor(NamedTuple):
 
 
 class Smoothed(NamedTuple):
-    """Poses (n, 3), arrow (A,), the cost before the last step, and all states' covariance."""
+    """Poses (n, 3), arrow (A,), the last step's cost and normal matrix, all states' covariance."""
 
     pose: Floats
     arrow: Floats
     cost: float
+    normal: Floats
     covariance: Floats
 
 
 def smooth_plainly(graph: Graph, pose: Floats, arrow: Floats, iterations: int) -> Smoothed:
     """Return the states after so many steps of reweighted Gauss-Newton."""
-    cost = 0.0
-    normal = np.eye(1)
+    cost, normal, covariance = 0.0, np.eye(1), np.eye(1)
     for _ in range(iterations):
-        normal = np.zeros((pose.size + arrow.size,) * 2)
-        right = np.zeros(pose.size + arrow.size)
-        cost = 0.0
-        for residual, derivative, dof, scale, longer in _factors(graph, pose, arrow):
-            squared = float(residual @ residual)
-            weight = (dof + residual.size) / (dof + squared) if dof else 1.0
-            cost += (dof + residual.size) * math.log1p(squared / dof) if dof else squared
-            normal += weight * derivative.T @ derivative
-            right -= weight * derivative.T @ residual
-            normal[scale, scale] += weight * squared / longer**2
-            right[scale] += weight * squared / longer
+        covariance = np.asarray(np.linalg.inv(_normal(with_tails(graph), pose, arrow)[1]))
+        cost, normal, right = _normal(graph, pose, arrow)
         change = np.linalg.solve(normal, right)
         turned = float(np.abs(change[2 : pose.size : 3]).max())
         change *= min(1.0, LARGEST_TURN_RAD / turned) if turned else 1.0
         pose = pose + change[: pose.size].reshape(-1, 3)
         arrow = arrow + change[pose.size :]
-    return Smoothed(pose, arrow, cost, np.asarray(np.linalg.inv(normal), np.float64))
+    return Smoothed(pose, arrow, cost, normal, covariance)
+
+
+def _normal(graph: Graph, pose: Floats, arrow: Floats) -> tuple[float, Floats, Floats]:
+    """Return the cost of a state, and the normal equations about it."""
+    normal = np.zeros((pose.size + arrow.size,) * 2)
+    right = np.zeros(pose.size + arrow.size)
+    cost = 0.0
+    for residual, derivative, dof, scale, longer in _factors(graph, pose, arrow):
+        squared = float(residual @ residual)
+        weight = (dof + residual.size) / (dof + squared) if dof else 1.0
+        cost += (dof + residual.size) * math.log1p(squared / dof) if dof else squared
+        normal += weight * derivative.T @ derivative
+        right -= weight * derivative.T @ residual
+        normal[scale, scale] += weight * squared / longer**2
+        right[scale] += weight * squared / longer
+    return cost, normal, right
 
 
 def _factors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:

@@ -316,16 +316,19 @@ def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
     It is its evidence, by Laplace's approximation about the solution (MacKay, "Bayesian
     interpolation", 1992): an axis gains little by legs along it where headings may be turned to
     suit any. All straight moves are held to an axis, but one leg of each corridor tells of it: with
-    the others its width would be that of headings which the corridor tells, axis or not.
+    the others its width would be that of headings which the corridor tells, axis or not. So
+    it is told about where these alone have everybody: else all that the others bend, who tell
+    nothing, would speak against an axis.
     """
-    graph, belief = tried.assembled.graph, tried.belief
-    told = witnesses(graph, tried.pose)
-    cost = tried.cost + log_determinant(told, tried.pose, tried.arrow)
+    belief, pose, arrow = tried.belief, tried.pose.copy(), tried.arrow.copy()
+    told = witnesses(tried.assembled.graph, pose)
     if belief.mode == "none":
-        return cost + NO_AXIS_COST
-    of_moves, _ = told_by_legs(graph, tried.pose, tried.arrow, settings.axis_least_share)
-    _, of_witnesses = told_by_legs(told, tried.pose, tried.arrow, settings.axis_least_share)
-    cost += of_witnesses - of_moves
+        return tried.cost + log_determinant(told, pose, arrow) + NO_AXIS_COST
+    cost, *_ = smooth(
+        told, pose, arrow, settings.commit_iterations, settings.settled_m, NO_COVARIANCE
+    )
+    of_moves, of_legs = told_by_legs(told, pose, arrow, settings.axis_least_share)
+    cost += log_determinant(told, pose, arrow) + of_legs - of_moves
     if belief.mode == "given":
         return cost + 2.0 * math.log(belief.sd_rad)
     return cost + FREE_AXIS_COST + FREE_AXIS_DENSITY_COST
