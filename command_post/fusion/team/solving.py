@@ -258,7 +258,9 @@ def _with_axis(
     trials = [free, unheld]
     if free.shared[AXIS, AXIS] < settings.axis_seen_sd_rad**2:
         given = AxisBelief("given", settings.axis_rad, settings.axis_sd_rad, held)
-        trials.insert(0, under(given))
+        # Whoever is alone at an incident may as well walk askew to it: nobody else's legs tell.
+        if len(found.assembled.chains) > 1:
+            trials.insert(0, under(given))
         if _may_be_planned(free, before.belief, settings):
             planned_rad = settings.planned_axis_rad or 0.0
             trials.insert(0, under(given._replace(axis_rad=planned_rad)))
