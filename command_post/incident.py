@@ -7,28 +7,27 @@ bytes come out. Nothing happens between two calls.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from command_post.desks.announcer import Announcer, Outgoing
 from command_post.desks.command_desk import CommandDesk
 from command_post.desks.orders import Orders
+from command_post.fusing import Fusing
 from command_post.fusion.dap_map import InstalledDap
 from command_post.fusion.interface import Afterwards
 from command_post.fusion.methods import make_fusion
 from command_post.fusion.time_line import Event, TimeLine
 from command_post.fusion.track import Estimate
-from command_post.handing_over import FUSED, HandingOver, is_ones_own
+from command_post.handing_over import FUSED, is_ones_own
 from command_post.incident_settings import IncidentSettings
 from command_post.known_keys import KnownKeys
 from command_post.nodes.dating import Dating
-from command_post.nodes.doubt_watch import DoubtWatch
 from command_post.nodes.lateness import Lateness
 from command_post.nodes.node_clock import KnownClock
 from command_post.nodes.notices import Notice, Notices, named_in
 from command_post.nodes.senders import Senders
-from command_post.nodes.set_aside import Attendant, SetAside, fused, heard
-from command_post.nodes.teams import TeamWatch
+from command_post.nodes.set_aside import Attendant, SetAside, heard
 from command_post.nodes.told import LastMovement, RaisedAlarm, Told, why_nowhere
 from command_post.nodes.told_until import ToldUntil
 from command_post.resuming import begin_anew
@@ -74,19 +73,19 @@ class Incident:
         self._keys = KnownKeys()
         self._heard_ns: dict[tuple[Role, str], int] = {}
         self._told = Told()
-        self._teams = TeamWatch(settings.teams)
         self._senders = Senders(settings.hold_ns, settings.post_id)
         self._told_until = ToldUntil(self._senders)
         self._dating = Dating(self._senders)
         self._lateness = Lateness(settings.fusion, keeps_all=keeps_all)
         self._time_line = TimeLine(settings.hold_ns, settings.time_line.capacity)
         self._tracker = make_fusion(settings.fusion)
-        self._handing_over = HandingOver(self._tracker)
         self._set_aside = SetAside(self._notices, ("post", settings.post_id))
-        self._doubts = DoubtWatch(self._notices)
         self._announcer = Announcer(settings.incident, settings.post_id)
         self._desk = CommandDesk(settings, self._announcer)
-        self._dap_places: dict[str, Outgoing] = {}
+        self._fusing = Fusing(
+            self._tracker, settings.teams, desk=self._desk, announcer=self._announcer,
+            dating=self._dating, set_aside=self._set_aside, notices=self._notices,
+        )  # fmt: skip
         self._recalled: list[Event] | None = None
         """What was due of what is being recalled."""
 
@@ -107,7 +106,7 @@ class Incident:
     @property
     def dap_places(self) -> Mapping[str, Outgoing]:
         """What was said last of where each DAP stands, by its id."""
-        return MappingProxyType(self._dap_places)
+        return MappingProxyType(self._fusing.dap_places)
 
     @property
     def origin(self) -> Outgoing | None:
@@ -118,7 +117,7 @@ class Incident:
     def standing(self) -> list[Outgoing]:
         """What was said last of where the incident is, and of where each DAP stands."""
         placed = [] if self.origin is None else [self.origin]
-        return [*placed, *self._dap_places.values()]
+        return [*placed, *self._fusing.dap_places.values()]
 
     @property
     def heard_ns(self) -> Mapping[tuple[Role, str], int]:
@@ -176,7 +175,7 @@ class Incident:
         own = Counter(
             moved_in_time=self._dating.moved_in_time,
             begun_anew=self._senders.begun_anew,
-            told_by_both=self._handing_over.told_by_both,
+            told_by_both=self._fusing.told_by_both,
             too_late=self._lateness.count,
         )
         return self._time_line.counts + self._tracker.counts + own
@@ -206,7 +205,7 @@ class Incident:
 
     def _faults_of_dap(self, dap_id: str, now_ns: int) -> list[str]:
         silent_ns = now_ns - self._heard_ns.get(("dap", dap_id), now_ns)
-        return self._told.of_box(dap_id, silent_ns, now_ns) + self._handing_over.faults(dap_id)
+        return self._told.of_box(dap_id, silent_ns, now_ns) + self._fusing.faults(dap_id)
 
     def clock(self, role: Role, node_id: str) -> KnownClock | None:
         """Return how far a node's clock is known to be off; ``None`` if nothing is known of it."""
@@ -244,7 +243,7 @@ class Incident:
         """
         until_ns = now_ns - self._hold_ns
         made = self._fuse(self._time_line.release(now_ns), until_ns)
-        self._tell_silent(until_ns, made)
+        self._fusing.tell_silent(until_ns, made)
         before_ns = self._lateness.forget_ns(now_ns)
         if before_ns is not None:
             with self._set_aside.passing("forgetting"):
@@ -281,7 +280,7 @@ class Incident:
         self._tracker.begin_from(begin_anew.ways_told(last, heard), daps)
         self.go_on(last)
         self._lateness.begin(begin_anew.begun_ns(last))
-        self._dap_places = begin_anew.places_told(last, daps)
+        self._fusing.dap_places = begin_anew.places_told(last, daps)
         return self._fuse(begin_anew.still_to_fuse(heard, last, daps), 0)
 
     def go_on(self, last: LastTold) -> None:
@@ -293,7 +292,7 @@ class Incident:
         """Return everybody's way with all that is known by now, if the method can say that."""
         for event in self._lateness.take_set_aside():
             with self._set_aside.survived(event.key, "fusing it"):
-                self._give(event.key.node_id, event.dated)
+                self._fusing.give(event.key.node_id, event.dated)
         found = self._tracker.afterwards()
         self._set_aside.take(self._tracker.take_changes().mishaps)
         self._set_aside.tell(0)
@@ -377,50 +376,8 @@ class Incident:
             self._notices.tell("too_late", event.key.node_id, detail)
 
     def _fuse(self, events: list[Event], until_ns: int) -> list[Outgoing]:
-        """Fuse events in turn, telling between them of who is silent: up to ``until_ns``."""
-        if self._recalled is not None:
-            self._recalled += events
-            return []
-        made: list[Outgoing] = []
-        for event in events:
-            self._tell_silent(min(event.dated.event_time_ns, until_ns), made)
-            if self._set_aside.takes(event.key, what := fused(event)):
-                with self._set_aside.survived(event.key, "fusing it", what):
-                    self._fuse_one(event, made)
-        return made
-
-    def _fuse_one(self, event: Event, made: list[Outgoing]) -> None:
-        """Let the tracker have one event, and say in ``made`` what it changed, before any fault."""
-        message = event.dated
-        time_ns = message.event_time_ns
-        self._give(event.key.node_id, message)
-        known = self._doubts.changed(self._tracker.doubts)
-        if known is not None:
-            made += self._desk.doubt(known, time_ns)
-        changes = self._tracker.take_changes()
-        self._set_aside.take(changes.mishaps)
-        self._tell(changes.estimates, time_ns, made)
-        for dap_id, dap in changes.daps:
-            # The DAP knows its installation by the time that it gave itself.
-            said_ns = self._dating.said_ns(dap_id, dap.installed_ns)
-            self._dap_places[dap_id] = place = self._announcer.dap_place(dap_id, dap, said_ns)
-            made.append(place)
-
-    def _tell_silent(self, until_ns: int, made: list[Outgoing]) -> None:
-        due_ns = self._tracker.silent_due_ns
-        if due_ns is not None and due_ns <= until_ns:
-            with self._set_aside.passing("telling of who is silent"):
-                self._tell(self._tracker.pass_time(until_ns), until_ns, made)
-
-    def _tell(
-        self, estimates: Sequence[tuple[str, Estimate]], time_ns: int, made: list[Outgoing]
-    ) -> None:
-        """Say in ``made`` where responders are, and alert to who leaves their team."""
-        for responder_id, estimate in estimates:
-            made.append(self._announcer.track(responder_id, estimate))
-            made += self._desk.leave(self._teams.take(responder_id, estimate), time_ns)
-
-    def _give(self, node_id: str, message: Message) -> None:
-        self._handing_over.give(node_id, message)
-        if isinstance(message, DapInstallation) and node_id in self._handing_over.nowhere:
-            self._dap_places.pop(node_id, None)
+        """Fuse events in turn, up to ``until_ns``, unless they are recalled only."""
+        if self._recalled is None:
+            return self._fusing.fuse(events, until_ns)
+        self._recalled += events
+        return []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import msgspec
 
@@ -11,6 +12,9 @@ from command_post.fusion.time_line import TimeLineSettings
 from command_post.nodes.teams import Teams
 from shared.messages import NodeId
 from shared.units import NS_PER_S
+
+_GONE = ("near_sd_m",)
+"""Settings of the team's fusion that older recordings carry, and that never had any effect."""
 
 
 class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -36,8 +40,17 @@ class IncidentSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     def from_metadata(cls, metadata: Mapping[str, str]) -> IncidentSettings:
         """Return the settings a recording was made with; ``ValueError`` if it does not say."""
         try:
-            return msgspec.json.decode(metadata["incident_settings"], type=cls)
+            told = msgspec.json.decode(metadata["incident_settings"])
+            return msgspec.convert(_without_gone(told), type=cls)
         except KeyError:
             raise ValueError("does not say its settings; give one that a post made") from None
         except msgspec.MsgspecError as error:
             raise ValueError(f"its settings cannot be used: {error}") from error
+
+
+def _without_gone(told: Any) -> Any:
+    match told:
+        case {"fusion": {"team": dict(team)}}:
+            for name in _GONE:
+                team.pop(name, None)
+    return told

@@ -157,12 +157,11 @@ class UnitSocket:
             except BlockingIOError:
                 continue
             except OSError as error:
-                _log.info("who commanded at the unit is gone", why=error.strerror)
-                data = b""
+                self._miss(client, error)
+                continue
             act = COMMANDS.get(data.strip())
             if act is None:
-                client.close()
-                self._clients.remove(client)
+                self._let_go(client)
             else:
                 asked.append(Request(act, "said at the unit"))
         return asked
@@ -172,9 +171,16 @@ class UnitSocket:
         for client in tuple(self._clients):
             try:
                 client.send(f"{words}\n".encode())
-            except OSError:
-                client.close()
-                self._clients.remove(client)
+            except OSError as error:
+                self._miss(client, error)
+
+    def _miss(self, client: socket.socket, error: OSError) -> None:
+        _log.info("who commanded at the unit is gone", why=error.strerror)
+        self._let_go(client)
+
+    def _let_go(self, client: socket.socket) -> None:
+        client.close()
+        self._clients.remove(client)
 
     def close(self) -> None:
         """Listen no more."""

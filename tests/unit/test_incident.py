@@ -243,6 +243,16 @@ def test_settings_travel_with_a_recording() -> None:
         IncidentSettings.from_metadata({"incident_settings": '{"incident": 4}'})
 
 
+def test_a_setting_that_never_had_an_effect_is_read_over() -> None:
+    of_team = '{"near_sd_m": 2.5, "install_sd_m": 0.4}'
+    told = {"incident_settings": f'{{"fusion": {{"team": {of_team}}}}}'}
+    assert IncidentSettings.from_metadata(told).fusion.team.install_sd_m == 0.4
+    with pytest.raises(ValueError, match="far_sd_m"):
+        IncidentSettings.from_metadata(
+            {"incident_settings": told["incident_settings"].replace("near", "far")}
+        )
+
+
 def test_the_origin_is_what_somebody_set_last_and_not_what_a_start_repeats() -> None:
     incident = Incident(IncidentSettings())
 

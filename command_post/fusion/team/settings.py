@@ -122,7 +122,6 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     install_sd_m: Metres = 0.3
     install_ahead_m: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.25
     aside_share: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.6
-    near_sd_m: Metres = 2.5
     sharpness: Sharpness = Sharpness()
     noise_prior_passes: Annotated[float, Meta(gt=0.0, le=1e6)] = 5.0
     noise_prior_moves: Annotated[float, Meta(gt=0.0, le=1e6)] = 15.0
