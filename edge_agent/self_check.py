@@ -16,6 +16,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from edge_agent.gyro_agreement import GyroAgreement
 from edge_agent.mounts.intake import LARGEST_READING
 from edge_agent.mounts.interface import Faults, Increment
 from shared.messages import HealthLevel, ImuSample, Mount
@@ -72,7 +73,11 @@ class SelfCheckSettings(NamedTuple):
     drift_c_min: float = 6.0
 
 
-SLOW_HZ: dict[Mount, tuple[float, float]] = {"vehicle": (80.0, 40.0)}
+SLOW_HZ: dict[Mount, tuple[float, float]] = {
+    "vehicle": (80.0, 40.0),
+    "chest": (20.0, 10.0),
+    "waist": (20.0, 10.0),
+}
 """Rates below which a mount tells less, and next to nothing: the road is heard at 50 to 100 Hz."""
 
 
@@ -125,6 +130,7 @@ class SelfCheck:
         self._block_from_ns: int | None = None
         self._newest_ns = 0
         self._blocks: deque[_Block] = deque(maxlen=BLOCKS)
+        self._agreement = GyroAgreement()
         self._bias_rad_s = 0.0
         self._gravity_off_m_s2 = 0.0
         self._strides: deque[float] = deque(maxlen=STRIDES)
@@ -171,6 +177,7 @@ class SelfCheck:
 
     def _look_at(self, samples: list[ImuSample]) -> None:
         """Measure a block; bias and gravity too, if the sensor stood still in it."""
+        self._agreement.take(samples)
         faults, self._counted = self._counted, replace(self._faults)
         since = Faults(
             self._faults.unusable - faults.unusable,
@@ -279,6 +286,8 @@ class SelfCheck:
         if (np.isnan(rate_rad_s) & ~np.isnan(force_m_s2)).all():
             words = f"{sensor} tells no turns: steps count, but nobody knows where they lead"
             found.append(_Finding("warning", words))
+        if self._worn != "Boot" and self._agreement.contradicts:
+            found.append(_Finding("fault", f"{sensor}'s turns contradict its forces: check axes"))
         return found
 
     def _of_axes(self) -> list[_Finding]:

@@ -196,16 +196,20 @@ def test_a_frozen_sensor_is_found() -> None:
         ("vehicle", 52.0, "warning"),
         ("vehicle", 100.0, "ok"),
         ("chest", 25.0, "ok"),
+        ("chest", 13.0, "warning"),
+        ("waist", 8.0, "fault"),
     ],
 )
-def test_a_vehicles_sensor_that_is_too_slow_for_the_road_is_found(
+def test_a_sensor_that_is_too_slow_for_the_road_or_for_steps_is_found(
     worn: Mount, rate_hz: float, level: str
 ) -> None:
     check = SelfCheck(Faults(), worn=worn)
     told = [one for sample in walk(rate_hz) if (one := check.take_sample(sample)) is not None]
     words = {words.split(" times")[0] for one in told for words in one.findings}
     assert told[-1].level == level
-    assert words == ({f"Vehicle sensor reads only {rate_hz:.0f}"} if level != "ok" else set())
+    assert words == (
+        {f"{worn.capitalize()} sensor reads only {rate_hz:.0f}"} if level != "ok" else set()
+    )
 
 
 def test_a_rate_unlike_the_nominal_one_is_found() -> None:
