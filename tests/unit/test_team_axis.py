@@ -31,9 +31,16 @@ def walked(
     corners: list[tuple[float, float]],
     planned_rad: float | None = None,
     team: int = 1,
+    *,
+    with_mate: bool = False,
 ) -> Solved:
-    """Return the commit after a way past corners, turned by ``askew_rad``, of each of a team."""
+    """Return the commit after a way past corners, turned by ``askew_rad``, of each of a team.
+
+    A mate, of whose heading nothing is known, comes before them and has not moved yet.
+    """
     log = TeamLog()
+    if with_mate:
+        log.add_start("mate", track_start(0.0, heading_sd_rad=math.pi))
     for each in range(team):
         responder_id = f"r{each}"
         log.add_start(responder_id, track_start(0.0, heading_sd_rad=heading_sd_rad))
@@ -62,9 +69,15 @@ def test_who_hardly_knows_their_heading_is_not_turned_to_the_axis_given() -> Non
 
 
 def test_who_knows_their_heading_shows_that_the_axis_is_the_one_given() -> None:
-    found = walked(math.radians(2.0), math.radians(3.0), SQUARE)
+    found = walked(math.radians(2.0), math.radians(3.0), SQUARE, with_mate=True)
     assert found.belief.mode == "given"
     assert found.pose[-1, 2] == pytest.approx(math.radians(-3.0), abs=math.radians(2.5))
+
+
+def test_of_who_is_alone_at_an_incident_no_axis_is_taken_for_granted() -> None:
+    found = walked(math.radians(2.0), math.radians(3.0), SQUARE)
+    assert found.belief.mode == "free"
+    assert np.abs(found.pose[:, 2]).max() < math.radians(1.0)
 
 
 def test_who_knows_their_heading_shows_that_the_axis_is_another() -> None:
@@ -119,7 +132,7 @@ def test_who_walks_a_corridor_askew_again_and_again_says_nothing_against_its_axi
     east_m = 24.0 * math.tan(math.radians(5.0))
     to_and_fro = [(30.0, 6.0 + east_m), (6.0, 6.0), (30.0, 6.0 - east_m), (6.0, 6.0)] * 6
     corners = [(0.0, 0.0), (0.0, 6.0), (6.0, 6.0), *to_and_fro, (6.0, 14.0), (-2.0, 14.0)]
-    found = walked(math.radians(2.0), 0.0, corners)
+    found = walked(math.radians(2.0), 0.0, corners, with_mate=True)
     assert found.belief.mode == "given"
     assert max(each.share for each in found.belief.rivals) < 0.4
 

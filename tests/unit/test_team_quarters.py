@@ -24,7 +24,8 @@ SETTINGS = TeamSettings()
 
 def told(heading_sd_deg: float, askew_deg: float, team: int = 1) -> Solved:
     """Return the ways of who walked a square so far askew, knowing their heading so well."""
-    found = walked(math.radians(heading_sd_deg), math.radians(askew_deg), SQUARE, team=team)
+    heading_sd_rad, askew_rad = math.radians(heading_sd_deg), math.radians(askew_deg)
+    found = walked(heading_sd_rad, askew_rad, SQUARE, team=team, with_mate=team == 1)
     return with_other_ways(found, SETTINGS, 5)
 
 
@@ -44,7 +45,7 @@ def test_who_goes_far_off_the_axis_may_go_square_to_it() -> None:
     ((chains, ways),) = found.turns
     turned_rad = np.array([way.pose[-1, 2] for _, way in ways])
     square = int(np.abs(turned_rad - math.radians(57.0)).argmin())
-    assert chains == (0,)
+    assert chains == (1,)
     assert turned_rad[0] == pytest.approx(math.radians(-33.0), abs=0.05)
     assert turned_rad[square] == pytest.approx(math.radians(57.0), abs=0.05)
     (free,) = [degrees for degrees, (_, way) in zip(turned_deg(ways), ways, strict=True)
@@ -54,7 +55,7 @@ def test_who_goes_far_off_the_axis_may_go_square_to_it() -> None:
     assert ways[square][0] / ways[0][0] == pytest.approx(less_likely, rel=0.2)
     assert sum(share for share, _ in ways) == pytest.approx(1.0)
     assert np.array_equal(ways[0][1].pose, found.pose)
-    assert found.ends[0, 3] > 10.0 * ways[0][1].ends[0, 3]
+    assert found.ends[1, 3] > 10.0 * ways[0][1].ends[1, 3]
 
 
 def test_who_knows_their_heading_may_not() -> None:
@@ -64,7 +65,10 @@ def test_who_knows_their_heading_may_not() -> None:
 
 
 def test_an_axis_is_believed_in_with_as_much_doubt_as_legs_leave() -> None:
-    few, many = (walked(math.radians(2.0), 0.0, corners) for corners in (SQUARE[:3], 3 * SQUARE))
+    few, many = (
+        walked(math.radians(2.0), 0.0, corners, with_mate=True)
+        for corners in (SQUARE[:3], 3 * SQUARE)
+    )
     doubts = [share_of(found, "none") for found in (few, many)]
     assert 0.5 > doubts[0] > 10.0 * doubts[1] > 0.0
 
@@ -74,8 +78,8 @@ def rival(of: Solved, share: float) -> Rival:
 
 
 def test_who_is_held_to_no_axis_may_be_where_that_given_has_them() -> None:
-    given = walked(math.radians(2.0), 0.0, SQUARE)
-    askew = walked(math.radians(2.0), math.radians(8.0), SQUARE)
+    given = walked(math.radians(2.0), 0.0, SQUARE, with_mate=True)
+    askew = walked(math.radians(2.0), math.radians(8.0), SQUARE, with_mate=True)
     unheld = askew._replace(
         assembled=askew.assembled.believing(NO_AXIS, SETTINGS),
         belief=NO_AXIS._replace(units=askew.belief.units, rivals=(rival(given, 0.05),)),
@@ -91,8 +95,8 @@ def test_who_is_held_to_no_axis_may_be_where_that_given_has_them() -> None:
 
 
 def test_a_map_that_was_turned_by_a_right_angle_is_turned_back_as_a_whole() -> None:
-    found = walked(math.radians(20.0), 0.0, SQUARE)
-    pose, arrow = turned_as_one(found, (0,), 0, math.pi / 2.0)
+    found = walked(math.radians(20.0), 0.0, SQUARE, with_mate=True)
+    pose, arrow = turned_as_one(found, (1,), 1, math.pi / 2.0)
     wrong = solved_from(found.assembled, pose, arrow, found.belief, SETTINGS, 12)
     assert wrong.pose[-1, 2] == pytest.approx(math.pi / 2.0, abs=0.1)
     back = with_likeliest_quarter(wrong, SETTINGS)
