@@ -59,8 +59,12 @@ def test_of_who_passes_nothing_a_heading_is_as_unsure_as_turns_with_tails_are() 
 
 
 def gone_about_a_square(axis_factor: float, *, axis: bool = True) -> TeamTracker:
-    """Return the tracker of one who has gone twice about a square that lies along the axis."""
+    """Return the tracker of one who has gone twice about a square that lies along the axis.
+
+    A mate stands by: of who is alone no axis is taken for granted.
+    """
     tracker = TeamTracker(TeamSettings(axis=axis, given_axis_factor=axis_factor))
+    tracker.start("mate", track_start(0.0, heading_sd_rad=math.pi))
     tracker.start("r1", track_start(0.0, heading_sd_rad=math.radians(2.0)))
     for each in range(1, 81):
         quarter = math.radians(90.0 * ((each - 1) // 10))
