@@ -13,11 +13,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeAlias
 
-import numpy as np
-
 from command_post.fusion.team.arithmetic import exponential
 from command_post.fusion.team.assembly import AxisBelief, Rival
-from command_post.fusion.team.axis_choice import AXIS_WORTH
 from command_post.fusion.team.chain import KNOWN_TURN_SD_RAD
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.settings import TeamSettings
@@ -58,8 +55,7 @@ def with_likeliest_quarter(found: Solved, settings: TeamSettings) -> Solved:
 def with_other_ways(found: Solved, settings: TeamSettings, iterations: int) -> Solved:
     """Return a solution with all ways that its map may lie otherwise, if there may be an axis.
 
-    Ends and places are as one of these has them, which does least harm, and as uncertain as they
-    differ. It is ``found`` itself if there is no other way.
+    Ends and places are as uncertain as these differ. It is ``found`` itself if there is no other.
     """
     groups = _groups(found, settings)
     if not groups:
@@ -71,12 +67,12 @@ def with_other_ways(found: Solved, settings: TeamSettings, iterations: int) -> S
             each
             for share, solved in believed
             for each in _with_quarters(share, solved, group, settings, iterations)
-            if each[0] > LEAST_SHARE
+            if each[1] is found or each[0] > LEAST_SHARE
         ]
         if len(ways) > 1:
             total = math.fsum(share for share, _ in ways)
-            shared = [(share / total, solved) for share, solved in ways]
-            way = spread_over(way, Turns(group, _least_harmful_first(shared, group)))
+            shared = tuple((share / total, solved) for share, solved in ways)
+            way = spread_over(way, Turns(group, shared))
     return way
 
 
@@ -100,24 +96,6 @@ def _with_quarters(
     own = share / (1.0 + math.fsum(odds))
     others = [(own * odd, each.solved) for odd, each in zip(odds, quarters, strict=True)]
     return [(own, solved), *others]
-
-
-def _least_harmful_first(ways: list[_Way], group: Sequence[int]) -> tuple[_Way, ...]:
-    """Return the ways with that one first which is least far, squared, from what else may be."""
-    ends = np.array([
-        [way.pose[way.assembled.graph.first[index + 1] - 1, :2] for index in group]
-        for _, way in ways
-    ])  # fmt: skip
-    harms = []
-    for end in ends:
-        apart_m2 = ((ends - end) ** 2).sum(axis=(1, 2)).tolist()
-        harms.append(math.fsum(_weight(*w) * m2 for w, m2 in zip(ways, apart_m2, strict=True)))
-    first = harms.index(min(harms))
-    return (ways[first], *ways[:first], *ways[first + 1 :])
-
-
-def _weight(share: float, way: Solved) -> float:
-    return share * (exponential(-0.5 * AXIS_WORTH) if way.belief.mode == "none" else 1.0)
 
 
 def _groups(found: Solved, settings: TeamSettings) -> list[tuple[int, ...]]:

@@ -66,10 +66,11 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     A building's axis is believed in where there are ``axis_least_moves`` legs, and all is likelier
     with a share of ``axis_least_share`` of them along it, or more; that it is ``axis_rad``, where
-    headings alone tell it to ``axis_seen_sd_rad``. That it is a plan's, ``planned_axis_rad``, is
-    believed in as well where headings come as near to it as ``planned_axis_most_off`` standard
-    deviations. What units tell of how sure their turns are is taken ``told_turn_factor`` times as
-    wide: of running boots, whose gyroscopes clip, it is far too narrow.
+    headings alone tell it to ``axis_seen_sd_rad``, unless somebody is alone at the incident. That
+    it is a plan's, ``planned_axis_rad``, is believed in as well where headings come as near to it
+    as ``planned_axis_most_off`` standard deviations. What units tell of how sure their turns are
+    is taken ``told_turn_factor`` times as wide: of running boots, whose gyroscopes clip, it is far
+    too narrow.
 
     How far passes and moves scatter is learnt, and held to what is told here by as many of
     them as ``noise_prior_passes`` and ``noise_prior_moves`` say: of one way alone hardly any move
