@@ -177,7 +177,8 @@ class SelfCheck:
 
     def _look_at(self, samples: list[ImuSample]) -> None:
         """Measure a block; bias and gravity too, if the sensor stood still in it."""
-        self._agreement.take(samples)
+        if self._worn != "Boot":
+            self._agreement.take(samples)
         faults, self._counted = self._counted, replace(self._faults)
         since = Faults(
             self._faults.unusable - faults.unusable,
@@ -286,7 +287,7 @@ class SelfCheck:
         if (np.isnan(rate_rad_s) & ~np.isnan(force_m_s2)).all():
             words = f"{sensor} tells no turns: steps count, but nobody knows where they lead"
             found.append(_Finding("warning", words))
-        if self._worn != "Boot" and self._agreement.contradicts:
+        if self._agreement.contradicts:
             found.append(_Finding("fault", f"{sensor}'s turns contradict its forces: check axes"))
         return found
 
