@@ -17,7 +17,7 @@ from edge_agent.inertial.activity import ActivityClassifier, ActivityEstimate
 from edge_agent.mounts.intake import has_gyro, readable
 from edge_agent.mounts.interface import Increment, Mount, TakesSpeed
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
-from edge_agent.self_check import HealthReport, SelfCheck
+from edge_agent.self_check.checker import HealthReport, SelfCheck
 from edge_agent.sources.reading import Quiet, Reading, TruePlace
 from edge_agent.whereabouts import Whereabouts
 from shared.messages import (

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from edge_agent.alarms import AlarmWatch
 from edge_agent.inertial.activity import ActivityClassifier
 from edge_agent.mounts.interface import Faults, Increment
-from edge_agent.self_check import SelfCheck
+from edge_agent.self_check.checker import SelfCheck
 from shared.messages import ImuSample
 from tests.unit.test_activity import KNOWN
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from edge_agent.gyro_agreement import GyroAgreement
 from edge_agent.mounts.interface import Faults
-from edge_agent.self_check import SelfCheck
+from edge_agent.self_check.checker import SelfCheck
+from edge_agent.self_check.gyro_agreement import GyroAgreement
 from shared.messages import ImuSample, Mount
 
 RATE_HZ = 50.0

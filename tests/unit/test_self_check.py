@@ -12,7 +12,8 @@ import pytest
 
 from edge_agent.mounts.interface import Faults, Increment
 from edge_agent.mounts.methods import make_mount
-from edge_agent.self_check import HealthReport, SelfCheck, SelfCheckSettings
+from edge_agent.self_check.checker import HealthReport, SelfCheck
+from edge_agent.self_check.settings import SelfCheckSettings
 from edge_agent.sources.npz_set import read_npz_set
 from shared.messages import WITHOUT_GYRO, ImuSample, Mount
 from shared.units import NS_PER_S
