@@ -118,7 +118,8 @@ class SelfCheck:
             self._seconds,
             self._bias_rad_s,
             self._gravity_off_m_s2,
-            self._agreement.contradicts,
+            self._agreement.forces_contradict,
+            self._agreement.compass_contradicts,
             self._strides,
         )
         return (*findings_of(seen), *([Finding("ok", self.worn)] if self.worn else []))

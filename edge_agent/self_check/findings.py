@@ -27,8 +27,9 @@ class Seen(NamedTuple):
     """All that findings are drawn from.
 
     ``worn`` names where the sensor is, ``slow_hz`` the rates below which it is too slow there.
-    ``bias_rad_s`` and ``gravity_off_m_s2`` are of when it last stood still; ``contradicts`` says
-    whether its turns contradict its forces, ``strides`` how long the last movements took (s).
+    ``bias_rad_s`` and ``gravity_off_m_s2`` are of when it last stood still; then comes whether its
+    forces, or its compass, contradict its turns; ``strides`` are how long the last movements took
+    (s).
     """
 
     worn: str
@@ -37,7 +38,8 @@ class Seen(NamedTuple):
     seconds: Sequence[Second]
     bias_rad_s: float
     gravity_off_m_s2: float
-    contradicts: bool
+    forces_contradict: bool
+    compass_contradicts: bool
     strides: Sequence[float]
 
     @property
@@ -108,8 +110,10 @@ def _of_units(seen: Seen) -> list[Finding]:
     if (np.isnan(rate_rad_s) & ~np.isnan(force_m_s2)).all():
         words = f"{sensor} tells no turns: steps count, but nobody knows where they lead"
         found.append(Finding("warning", words))
-    if seen.contradicts:
+    if seen.forces_contradict:
         found.append(Finding("fault", f"{sensor}'s turns contradict its forces: check axes"))
+    if seen.compass_contradicts:
+        found.append(Finding("fault", f"{sensor}'s turns contradict its compass: check axes"))
     return found
 
 

@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
+from scipy.spatial.transform import Rotation
 
 from edge_agent.mounts.interface import Faults
 from edge_agent.self_check.checker import SelfCheck
@@ -37,7 +39,7 @@ def seconds_that_contradict(samples: list[ImuSample]) -> int:
     count = 0
     for first in range(0, len(samples), int(RATE_HZ)):
         agreement.take(samples[first : first + int(RATE_HZ)])
-        count += agreement.contradicts
+        count += agreement.forces_contradict
     return count
 
 
@@ -65,6 +67,62 @@ def test_what_is_lost_or_no_reading_contradicts_nothing() -> None:
     nothing = (math.nan, math.nan, math.nan)
     blind = [ImuSample(one.time_ns, one.force_m_s2, nothing) for one in samples]
     assert seconds_that_contradict(blind) == 0
+
+
+def handled(fault: Fault = np.array, *, iron_ut: float = 0.0) -> list[ImuSample]:
+    """Return a phone that is put on, turned by 90° in two seconds, and a wearer who turns about."""
+    time_s = np.arange(0.0, 20.0, 1.0 / RATE_HZ)
+    tips = (time_s >= 2.0) & (time_s < 4.0)
+    turns = (time_s >= 10.0) & (time_s < 13.0)
+    rate = np.outer(tips * math.pi / 4.0, [1.0, 0.0, 0.0])
+    rate += np.outer(turns * math.pi / 3.0, [0.0, 1.0, 0.0])
+    tipped, turned = (
+        Rotation.from_rotvec(np.cumsum(rate, axis=0) / RATE_HZ * axis)
+        for axis in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    )
+    sensor_from_level = (tipped * turned).inv()
+    # After it was tipped up, what had been up lies along y, about which the wearer turns.
+    force = sensor_from_level.apply([0.0, 0.0, 9.81])
+    field = sensor_from_level.apply([0.0, 20.0, -45.0]) + iron_ut
+    return [
+        ImuSample(round(1e9 * at), tuple(f), tuple(w), tuple(m))
+        for at, f, w, m in zip(
+            time_s, force.tolist(), fault(rate).tolist(), field.tolist(), strict=True
+        )
+    ]
+
+
+def what_contradicts(samples: list[ImuSample]) -> tuple[bool, bool]:
+    """Return whether forces do, and the compass, in the end."""
+    agreement = GyroAgreement()
+    for first in range(0, len(samples), int(RATE_HZ)):
+        agreement.take(samples[first : first + int(RATE_HZ)])
+    return agreement.forces_contradict, agreement.compass_contradicts
+
+
+def test_a_mirror_image_is_found_by_how_it_is_put_on_and_by_the_compass_and_not_forgotten() -> None:
+    assert what_contradicts(handled(np.negative)) == (True, True)
+    assert what_contradicts(handled()) == (False, False)
+
+
+def test_a_compass_alone_may_be_the_one_that_is_mirrored() -> None:
+    mirrored = [
+        replace(one, field_ut=(-one.field_ut[0], *one.field_ut[1:]))
+        for one in handled()
+        if one.field_ut is not None
+    ]
+    assert what_contradicts(mirrored) == (False, True)
+
+
+def test_iron_beside_the_compass_is_no_mirror() -> None:
+    assert what_contradicts(handled(iron_ut=30.0)) == (False, False)
+
+
+def test_a_compass_that_contradicts_is_a_finding() -> None:
+    check = SelfCheck(Faults(), worn="chest")
+    told = [check.take_sample(one) for one in handled(np.negative)]
+    words = {words for one in told if one is not None for words in one.findings}
+    assert any("turns contradict its compass" in one for one in words)
 
 
 @pytest.mark.parametrize(("worn", "found"), [("chest", True), ("waist", True), ("boot", False)])
