@@ -37,6 +37,7 @@ from edge_agent.mounts.drive_increment import Drive, drive_increments
 from edge_agent.mounts.intake import Intake, Verdict
 from edge_agent.mounts.interface import Faults, Increment
 from edge_agent.mounts.lone_spikes import LoneSpikes
+from edge_agent.mounts.steady_samples import SteadySamples
 from edge_agent.sources.recording import Recording
 from shared.maths.angles import wrap_rad
 from shared.maths.rotations import Vector3, angle_between_rad, rotate
@@ -86,6 +87,7 @@ class VehicleMount:
         self._wheelbase_m = wheelbase_m
         self._spikes = LoneSpikes(self.faults)
         self._intake = Intake(self.faults, GAP_S, stuck_s=STUCK_S)
+        self._steady = SteadySamples(())
         self._known: KnownSpeed | None = None
         self._stood: Stood | None = None
         self._waiting: list[ImuSample] = []
@@ -186,7 +188,7 @@ class VehicleMount:
             if self._waited_s() >= SETTLED_S:
                 self._set_out()
             return
-        motion = self._tracker.step(*self._reading(sample))
+        motion = self._tracker.step(*self._reading(self._steady.take(sample)))
         self.acceleration_m_s2 = motion.acceleration_m_s2
         if self._tracker.due():
             self._tell(self._tracker.tick())
@@ -221,7 +223,8 @@ class VehicleMount:
         waiting, self._waiting, self._judged = self._waiting, [], 0
         fixes, self._fixes = self._fixes, []
         self._origin_ns = waiting[0].time_ns
-        readings = [self._reading(one) for one in waiting]
+        self._steady = SteadySamples([one.time_ns for one in waiting])
+        readings = [self._reading(self._steady.take(one)) for one in waiting]
         if self._stood is None and math.hypot(*first_force(readings)) < WEAKEST_GRAVITY_M_S2:
             return
         told = tuple(Fix(self._since_s(time_ns), speed) for time_ns, speed in fixes)
