@@ -25,7 +25,14 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from edge_agent.gnss import SpeedReading
 from edge_agent.sources.phone_button import PhoneButton
-from edge_agent.sources.phone_stream import PhonePush, PhoneStream, decoded, speeds_of, unreadable
+from edge_agent.sources.phone_stream import (
+    PhonePush,
+    PhoneStream,
+    decoded,
+    reads_upside_down,
+    speeds_of,
+    unreadable,
+)
 from edge_agent.sources.reading import Quiet, Reading, Source
 from edge_agent.sources.recording import SourceError
 from shared.messages import ImuSample
@@ -48,6 +55,12 @@ NOT_UNDERSTOOD, TRY_AGAIN = 1007, 1013
 
 TAKEN = "taken"
 """The answer to each of a WebSocket's messages: what is not answered is to be sent again."""
+
+DISPLACED = "another phone, or page, sends since: open the page anew to send from here"
+UPSIDE_DOWN = (
+    "the phone reads as if held upside down: if it is an iPhone, switch on "
+    "'Standardise Units & Frames' in the app, or left and right are exchanged"
+)
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -76,6 +89,7 @@ class PhoneServer:
 
         self._ahead_ns = 0
         self._told_unreadable: set[str] = set()
+        self._judged = False
         self._readings: queue.Queue[ImuSample | SpeedReading] = queue.Queue()
 
     def readings(self) -> Iterator[Reading]:
@@ -134,15 +148,16 @@ class PhoneServer:
         if self._readings.qsize() >= MOST_WAITING:
             _log.warning("a phone's message is refused: samples come faster than they are followed")
             raise queue.Full
-        if not self._stream.is_next(push):
-            _log.warning("a phone's message comes twice, or after a later one: it is passed over")
+        if not self._admits(push):
             return
         self._tell_unreadable(push)
         if push.payload:
             self._set_clock(max(reading.time for reading in push.payload))
         for speed in speeds_of(push):
             self._readings.put_nowait(speed._replace(time_ns=speed.time_ns + self._ahead_ns))
-        for sample in self._stream.take(push):
+        samples = self._stream.take(push)
+        self._tell_upside_down(samples)
+        for sample in samples:
             moved = ImuSample(
                 sample.time_ns + self._ahead_ns,
                 sample.force_m_s2,
@@ -150,6 +165,26 @@ class PhoneServer:
                 sample.field_ut,
             )
             self._readings.put_nowait(moved)
+
+    def _admits(self, push: PhonePush) -> bool:
+        """Whether a message is to be taken in; ``ValueError`` if it is of a phone left behind."""
+        if self._stream.is_displaced(push):
+            raise ValueError(DISPLACED)
+        if self._stream.begins(push):
+            _log.warning("another phone, or page, sends from now on: the one before is refused")
+            self._judged = False
+        if self._stream.is_next(push):
+            return True
+        _log.warning("a phone's message comes twice, or after a later one: it is passed over")
+        return False
+
+    def _tell_upside_down(self, samples: list[ImuSample]) -> None:
+        """Say so if the first ``samples`` of a phone read as if its forces were downwards."""
+        if self._judged or not samples:
+            return
+        self._judged = True
+        if reads_upside_down(samples):
+            _log.warning(UPSIDE_DOWN)
 
     def _tell_unreadable(self, push: PhonePush) -> None:
         for name in unreadable(push) - self._told_unreadable:
@@ -177,8 +212,9 @@ class PhoneServer:
         while (said := await phone.receive())["type"] == "websocket.receive":
             try:
                 self._take(said.get("text") or said.get("bytes") or b"")
-            except ValueError:
-                await phone.close(NOT_UNDERSTOOD, "not a phone's message")
+            except ValueError as error:
+                words = DISPLACED if str(error) == DISPLACED else "not a phone's message"
+                await phone.close(NOT_UNDERSTOOD, words)
                 return
             except queue.Full:
                 await phone.close(TRY_AGAIN, "the agent is too slow: try again")

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from itertools import islice
+from statistics import fmean
 from typing import Annotated, NamedTuple
 
 import msgspec
@@ -26,9 +28,14 @@ PATIENCE_NS = 3 * NS_PER_S
 SILENT_NS = NS_PER_S // 4
 """So far from its readings a gyroscope is taken to have read nothing."""
 
+MOST_SESSIONS = 100
+"""So many that are over are remembered."""
+
 FEWEST_TO_TIME = 10
 SHORTEST_PERIOD_NS = 100_000
 """Readings that are nearer to each other are not told in nanoseconds."""
+
+SURELY_UPSIDE_DOWN_M_S2 = 3.0
 
 TOTAL, MOVED, GRAVITY = "totalacceleration", "accelerometer", "gravity"
 RATE, FIELD = "gyroscope", "magnetometer"
@@ -73,6 +80,15 @@ class PhoneStream:
         self._begin_ns: int | None = None
         self._session_id = ""
         self._message_id: int | None = None
+        self._left: deque[str] = deque(maxlen=MOST_SESSIONS)
+
+    def is_displaced(self, push: PhonePush) -> bool:
+        """Whether a message is of a session after which another has begun: of another phone."""
+        return push.session_id in self._left
+
+    def begins(self, push: PhonePush) -> bool:
+        """Whether a message is the first of its session, and there was one before."""
+        return bool(self._session_id) and push.session_id not in (self._session_id, *self._left)
 
     def is_next(self, push: PhonePush) -> bool:
         """Whether a message is later than all of its session so far; remember it, if it is.
@@ -80,6 +96,8 @@ class PhoneStream:
         Another has been taken already, or its readings are too late to be.
         """
         if push.session_id != self._session_id:
+            if self._session_id:
+                self._left.append(self._session_id)
             self._session_id, self._message_id = push.session_id, None
         newest, told = self._message_id, push.message_id
         if newest is not None and told is not None and told <= newest:
@@ -160,6 +178,19 @@ def unreadable(push: PhonePush) -> set[str]:
     told = [reading for reading in push.payload if reading.name.lower() in SENSORS]
     read = {reading.name for reading in told if _vector(reading.values) is not None}
     return {reading.name for reading in told} - read
+
+
+def reads_upside_down(samples: Sequence[ImuSample]) -> bool:
+    """Whether a phone reads as if held by its top, its screen looking down.
+
+    Nobody looks at one so who has just begun to send: its forces are of the opposite sign.
+    """
+    up_screen_m_s2, out_of_screen_m_s2 = (
+        fmean(one.force_m_s2[axis] for one in samples) for axis in (1, 2)
+    )
+    return max(up_screen_m_s2, out_of_screen_m_s2) < 0.0 and (
+        min(up_screen_m_s2, out_of_screen_m_s2) < -SURELY_UPSIDE_DOWN_M_S2
+    )
 
 
 def speeds_of(push: PhonePush) -> list[SpeedReading]:

@@ -9,12 +9,14 @@ from itertools import islice
 
 import msgspec
 import pytest
+from msgspec.structs import replace
+from structlog.testing import capture_logs
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from edge_agent.mayday_controls import Request
 from edge_agent.sources.opening import open_source
-from edge_agent.sources.phone_server import PhoneServer
+from edge_agent.sources.phone_server import DISPLACED, PhoneServer
 from edge_agent.sources.phone_stream import PhonePush
 from edge_agent.sources.reading import Quiet, Reading, Source
 from edge_agent.sources.recording import SourceError
@@ -140,6 +142,37 @@ def test_a_stream_of_garbage_is_closed(
         with pytest.raises(ConnectionClosed):
             phone.recv(timeout=30)
     assert isinstance(next(readings), Quiet)
+
+
+def test_of_two_phones_the_one_that_came_last_is_followed_and_the_other_told(
+    server: PhoneServer, readings: Generator[Reading, None, None]
+) -> None:
+    bodies = [
+        msgspec.json.encode(PhonePush(push.payload, session, number)).decode()
+        for number, push in enumerate(islice(batches(walk()), 3))
+        for session in ("one", "other")
+    ]
+    with stream(server) as one, stream(server) as other:
+        for phone, body in zip((one, other), bodies, strict=False):
+            phone.send(body)
+            assert phone.recv(timeout=30) == "taken"
+        one.send(bodies[2])
+        with pytest.raises(ConnectionClosed, match="another phone"):
+            one.recv(timeout=30)
+        other.send(bodies[3])
+        assert other.recv(timeout=30) == "taken"
+    assert ask(f"{server.url}push", bodies[4].encode()) == (400, DISPLACED.encode())
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_iphone_that_tells_forces_downwards_is_told_of(
+    server: PhoneServer, readings: Generator[Reading, None, None], sign: float
+) -> None:
+    held = [replace(one, force_m_s2=(0.0, 6.0 * sign, 7.0 * sign)) for one in walk()[:50]]
+    with capture_logs() as logs:
+        for push in batches(held):
+            assert ask(f"{server.url}push", msgspec.json.encode(push)) == (200, b"")
+    assert any("upside down" in one["event"] for one in logs) == (sign < 0.0)
 
 
 def stream(server: PhoneServer) -> ClientConnection:
