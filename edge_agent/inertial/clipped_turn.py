@@ -3,7 +3,7 @@
 Of a blow that turns a phone from one sample to the next, each clipped axis tells only its sign and
 that it turned by more. How much more is what makes the specific force afterwards point as it did
 before: the vehicle has not changed its acceleration in those milliseconds. Two angles follow from
-gravity; where all three axes are clipped the third is taken as the least that explains the rest.
+gravity; where all three axes are clipped, the third is what is nearest to an excess that is usual.
 """
 
 from __future__ import annotations
@@ -31,12 +31,14 @@ CLIPPED_RAD_S = 0.97 * math.radians(2000.0)
 
 Array: TypeAlias = NDArray[np.float64]
 
-FIRST_GUESS_RAD = 0.1
+FURTHER_RAD = math.radians(10.0)
+"""An axis beyond its range is supposed to have turned by so much more, where nothing tells."""
+
 NUDGE_RAD = 1e-5
 ITERATIONS = 12
 
-LEAST_WEIGHT = 0.02
-"""Of an angle supposed (rad) against a direction missed (1)."""
+SUPPOSED_WEIGHT = 0.02
+"""Of an angle that is not as supposed (rad) against a direction missed (1)."""
 
 
 @dataclass
@@ -77,7 +79,7 @@ class ClippedTurn:
         def missed(extra_rad: Array) -> Array:
             pointed = np.array(rotate(attitude(extra_rad), in_sensor))
             away = pointed / np.linalg.norm(pointed) - aim
-            return np.concatenate((away, LEAST_WEIGHT * extra_rad))
+            return np.concatenate((away, SUPPOSED_WEIGHT * (extra_rad - FURTHER_RAD)))
 
         return attitude(_least(missed, len(axes)))
 
@@ -100,7 +102,7 @@ def _spread(extra_rad: Array, axes: list[int], signs: tuple[int, int, int]) -> A
 
 def _least(missed: Callable[[Array], Array], count: int) -> Array:
     """Return the angles (count,), none negative, of which least is ``missed``: Gauss-Newton."""
-    angles_rad = np.full(count, FIRST_GUESS_RAD)
+    angles_rad = np.full(count, FURTHER_RAD)
     best = float(np.sum(missed(angles_rad) ** 2))
     for _ in range(ITERATIONS):
         here = missed(angles_rad)
