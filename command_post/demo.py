@@ -19,6 +19,7 @@ from command_post.authority import Authority
 from command_post.children import Children
 from command_post.fusion.settings import HOLD_S
 from command_post.last_words import LastWords
+from command_post.rehearsing.rehearsal import BootMethod
 from shared.bus.interface import Bus, Received
 from shared.bus.loopback import free_port, free_ports
 from shared.bus.zenoh_bus import open_zenoh
@@ -71,7 +72,7 @@ class DemoSettings(NamedTuple):
     scenario: Scenario
     seed: int
     speed: float
-    method: str | None
+    method: BootMethod | None
     directory: Path
     shows_table: bool
 

@@ -15,6 +15,7 @@ from command_post.commands.scoring import read_evidence, show_score
 from command_post.demo import DemoError, DemoSettings, run_demo, why_told_late
 from command_post.evaluation.errors import measure
 from command_post.evaluation.score_card import score
+from command_post.rehearsing.rehearsal import BootMethod
 from shared.config import ConfigError
 from shared.files import FolderHeldError, held_alone, replace_atomically
 from shared.mcap_reader import RecordingError, read_recording
@@ -31,7 +32,7 @@ def demo(
     scenario: str = "four_daps",
     seed: Seed = 1,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1000.0))] = 1.0,
-    method: str | None = None,
+    method: BootMethod | None = None,
     output: Path = Path("clew-demo"),
     json: bool = False,
 ) -> int:
