@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+
+if __name__ == "__main__" or sys.argv[0].endswith("command-post"):
+    # Who breaks it off while it is being loaded is to see no traceback.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 from cyclopts import App
 

@@ -19,12 +19,14 @@ from command_post.authority import Authority
 from command_post.children import Children
 from command_post.fusion.settings import HOLD_S
 from command_post.last_words import LastWords
+from command_post.rehearsing.rehearsal import BootMethod
 from shared.bus.interface import Bus, Received
 from shared.bus.loopback import free_port, free_ports
 from shared.bus.zenoh_bus import open_zenoh
 from shared.clock import ScaledClock, SystemClock
 from shared.codec import Refusal, decode, parse_key
 from shared.introductions import Introductions
+from shared.mcap_reader import RecordedMessage
 from shared.messages import Beat, ExerciseStart, Message
 from shared.recording_parts import files_of, unfinished_path
 from shared.security.bundle import Bundle
@@ -70,7 +72,7 @@ class DemoSettings(NamedTuple):
     scenario: Scenario
     seed: int
     speed: float
-    method: str | None
+    method: BootMethod | None
     directory: Path
     shows_table: bool
 
@@ -78,6 +80,11 @@ class DemoSettings(NamedTuple):
     def hold_s(self) -> float:
         """Seconds of the exercise that events wait: processes are late by real time."""
         return min(self.speed * HOLD_S["team"], LONGEST_HOLD_S)
+
+    @property
+    def late_s(self) -> float:
+        """Seconds of the exercise: a stride that is later is of a machine that is too slow."""
+        return STRIDE_TOLD_S + self.speed * LATEST_S
 
     @property
     def recording(self) -> Path:
@@ -328,7 +335,6 @@ def watch_the_pace(
 ) -> None:
     """Say it once if nodes do not keep up with the exercise's clock."""
     clock = ScaledClock(start.event_time_ns, start.speed)
-    late_ns = round((STRIDE_TOLD_S + settings.speed * LATEST_S) * NS_PER_S)
     told = Event()
 
     def watch(received: Received) -> None:
@@ -336,15 +342,36 @@ def watch_the_pace(
         node_id, message = _said_in(received)
         if message is None or told.is_set():
             return
-        behind_ns = clock.now_ns() - message.event_time_ns
-        if behind_ns > late_ns:
+        behind_s = (clock.now_ns() - message.event_time_ns) / NS_PER_S
+        if behind_s > settings.late_s:
             told.set()
             say(
                 f"this machine falls behind at {start.speed:g}x: {node_id} is "
-                f"{behind_ns / NS_PER_S:.0f} s late; give a lower --speed"
+                f"{behind_s:.0f} s late; give a lower --speed"
             )
 
     bus.subscribe(str(Key(INCIDENT, "responder", "*", "increment")), watch)
+
+
+def why_told_late(recording: Iterable[RecordedMessage], settings: DemoSettings) -> str | None:
+    """Return what is to be said of a post that did not keep up; its score is worse for that.
+
+    The launcher hears units that keep up; only the recording tells when the post came to them.
+    """
+    behind_s = max(
+        (
+            (each.log_time_ns - each.publish_time_ns) / NS_PER_S
+            for each in recording
+            if each.key.endswith("/increment")
+        ),
+        default=0.0,
+    )
+    if behind_s <= settings.late_s:
+        return None
+    return (
+        f"the post fell {behind_s:.0f} s behind at {settings.speed:g}x, and what it told live is "
+        "worse for that; give a lower --speed on this machine"
+    )
 
 
 def _said_in(received: Received) -> tuple[str, Message | None]:

@@ -127,7 +127,7 @@ class Roster(NamedTuple):
     remarks: tuple[str, ...] = ()
 
 
-class Whereabouts(Protocol):
+class RosterSource(Protocol):
     """What a roster is made of: an incident, or what a recording tells of one.
 
     Each is as ``command_post.incident.Incident`` has it.
@@ -170,7 +170,7 @@ class Whereabouts(Protocol):
 
 
 def make_roster(
-    incident: Whereabouts,
+    incident: RosterSource,
     now_ns: int,
     settings: RosterSettings,
     alive: Collection[tuple[Role, str]] | None = None,
@@ -240,7 +240,7 @@ class _View(NamedTuple):
 
 
 def _responder_row(
-    responder_id: str, estimate: Estimate | None, incident: Whereabouts, view: _View
+    responder_id: str, estimate: Estimate | None, incident: RosterSource, view: _View
 ) -> ResponderRow:
     tied_age_s = view.said_age_s(estimate.last_proximity_time_ns) if estimate else None
     status, reason = _responder_status(responder_id, estimate, tied_age_s, view)
@@ -320,7 +320,7 @@ def _responder_status(
     return "tracking", f"a DAP was near {tied_age_s:.0f} s ago"
 
 
-def _dap_row(dap_id: str, dap: InstalledDap | None, incident: Whereabouts, view: _View) -> DapRow:
+def _dap_row(dap_id: str, dap: InstalledDap | None, incident: RosterSource, view: _View) -> DapRow:
     why_lost = view.why_lost("dap", dap_id)
     status: DapStatus
     if why_lost is not None:

@@ -5,6 +5,13 @@ A command's module is imported when it is run: a DAP at work has no room for wha
 
 from __future__ import annotations
 
+import signal
+import sys
+
+if __name__ == "__main__" or sys.argv[0].endswith("dap-node"):
+    # Who breaks it off while it is being loaded is to see no traceback.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 from cyclopts import App
 
 import dap_node.lean  # noqa: F401

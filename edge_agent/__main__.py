@@ -5,6 +5,13 @@ A command's module is imported when it is run: an agent starts without what scor
 
 from __future__ import annotations
 
+import signal
+import sys
+
+if __name__ == "__main__" or sys.argv[0].endswith("edge-agent"):
+    # Who breaks it off while it is being loaded is to see no traceback.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 from cyclopts import App
 
 from shared.command_line import run_command_line

@@ -11,6 +11,7 @@ from itertools import chain
 
 from edge_agent.alarm_repeats import AlarmRepeats
 from edge_agent.alarms import AlarmEvent, AlarmWatch
+from edge_agent.cues import CueDesk
 from edge_agent.drop_desk import Beacon, DropDesk
 from edge_agent.gnss import SpeedReading
 from edge_agent.inertial.activity import ActivityClassifier, ActivityEstimate
@@ -19,7 +20,6 @@ from edge_agent.mounts.interface import Increment, Mount, TakesSpeed
 from edge_agent.mounts.methods import WITHOUT_GYRO, MountName
 from edge_agent.self_check.checker import HealthReport, SelfCheck
 from edge_agent.sources.reading import Quiet, Reading, TruePlace
-from edge_agent.whereabouts import Whereabouts
 from shared.messages import (
     HIGHEST_PRESSURE_PA,
     Alarm,
@@ -77,7 +77,7 @@ class Agent:
         self._alarm_watch = AlarmWatch(worn=worn)
         self._alarm_repeats = AlarmRepeats()
         self._self_check = SelfCheck(mount.faults, worn=worn)
-        self._whereabouts = Whereabouts(sender, stands_at)
+        self._cues = CueDesk(sender, stands_at)
         self._drop_desk = drop_desk
         self._batch: list[ImuSample] = []
         self._told_sd_rad: float | None = None
@@ -105,7 +105,7 @@ class Agent:
         To be called before the first reading.
         """
         self._start = None
-        self._whereabouts = Whereabouts(self._sender)
+        self._cues = CueDesk(self._sender)
 
     def take(self, reading: Reading) -> None:
         """Take in a sample, whose time is on the clock the incident goes by, or the truth."""
@@ -123,14 +123,14 @@ class Agent:
             if self._drop_desk is not None:
                 self._drop_desk.hear(reading)
         elif not isinstance(reading, Quiet):
-            self._whereabouts.take(reading)
+            self._cues.take(reading)
 
     def pass_time(self, now_ns: int) -> None:
         """Note that it is ``now_ns``, with no sample until then.
 
         It may be called as often as one likes: what is sent is the same, and only sooner.
         """
-        self._whereabouts.pass_time(now_ns)
+        self._cues.pass_time(now_ns)
         report = self._self_check.pass_time(now_ns)
         if report is not None:
             self._send_health(report)

@@ -128,11 +128,12 @@ def parse_origin(text: str) -> Origin:
             f"--origin {text!r}: write LATITUDE,LONGITUDE[,HEIGHT[,BEARING]] in degrees and "
             "metres, as in 37.5665,126.978,38,12.5"
         )
-    return msgspec.convert(
-        {
-            f"{name}_{'m' if name == 'height' else 'deg'}": float(value)
-            for name, value in parts.groupdict().items()
-            if value is not None
-        },
-        Origin,
-    )
+    told = {
+        f"{name}_{'m' if name == 'height' else 'deg'}": float(value)
+        for name, value in parts.groupdict().items()
+        if value is not None
+    }
+    try:
+        return msgspec.convert(told, Origin)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"--origin {text!r}: {error}; correct it") from None

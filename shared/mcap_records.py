@@ -74,6 +74,8 @@ class Placed(NamedTuple):
 def mapped(path: Path) -> Iterator[mmap.mmap]:
     """Give the bytes of an MCAP file. Raises ``RecordingError`` if it is none, or has gone."""
     try:
+        if path.is_fifo():
+            raise RecordingError(f"{path}: is a pipe; write what comes out of it to a file first")
         with path.open("rb") as file:
             beginning = file.read(len(MAGIC))
             if not beginning:

@@ -104,7 +104,12 @@ def imu_batch(number: int, samples: int = 25, *, with_field: bool = False) -> Im
 
 def one_of_each() -> dict[str, Message]:
     """Return a message of every topic, by topic name."""
-    common: Any = {"event_time_ns": START_NS, "sequence": 3}
+    common: dict[str, Any] = {"event_time_ns": START_NS, "sequence": 3}
+    return _of_units(common) | _of_daps(common) | _of_places(common) | _of_posts(common)
+
+
+def _of_units(common: dict[str, Any]) -> dict[str, Message]:
+    """Return what responders' units say, by topic name."""
     return {
         "start": TrackStart(
             **common, position=_HERE, heading_sd_rad=0.2, mount="boot", method="entrance"
@@ -114,13 +119,34 @@ def one_of_each() -> dict[str, Message]:
             **common, kind="fall", phase="alarm", confidence=0.9, reason="impact, then still"
         ),
         "mayday": Mayday(**common, phase="called", called_ns=5, reason="the button was held"),
-        "mayday_answer": MaydayAnswer(
-            **common, responder_id="r1", called_ns=5, phase="called", stage="acknowledged", by="c"
-        ),
         "health": NodeHealth(**common, level="warning", findings=("Boot sensor runs slow",)),
         "advice": DropAdvice(**common, urgency=0.8, reason="at a junction", boxes_left=2),
-        "site": SiteAdvice(**common, responder_id="r1", reason="passed 6 times by 3"),
         "imu": imu_batch(3, with_field=True),
+        "dap_rssi": DapReading(**common, dap_id="d1", rssi_dbm=-58.0),
+        "dap_peak": DapPeak(**common, dap_id="d1", peak_dbm=-44.0, width_s=1.4, sample_count=11),
+        "contact": Contact(**common, other_id="r2", peak_dbm=-50.0, width_s=2.0, sample_count=9),
+        "state": DapState(**common, battery_share=0.4, temperature_c=41.5, going=None),
+        "beat": Beat(
+            **common,
+            run="00ff" * 4,
+            last_number=9,
+            kept_from=1,
+            acknowledged=7,
+            clock=ClockStatement(
+                post_id="p",
+                offset_ns=-5,
+                uncertainty_ns=2,
+                drift=1e-4,
+                spans=(ClockSpan(first_number=1, offset_ns=-7, uncertainty_ns=4),),
+            ),
+        ),
+        "order_reply": OrderReply(**common, post_id="p", order_sequence=2, stage="received"),
+    }
+
+
+def _of_daps(common: dict[str, Any]) -> dict[str, Message]:
+    """Return what DAPs say and are told, by topic name."""
+    return {
         "rssi": RssiReport(**common, responder_id="r1", rssi_dbm=-61.0),
         "proximity": ProximityEvent(
             **common,
@@ -131,20 +157,23 @@ def one_of_each() -> dict[str, Message]:
             sample_count=20,
         ),
         "peak": RssiPeak(**common, responder_id="r1", peak_dbm=-43.0, width_s=1.2, sample_count=18),
-        "dap_rssi": DapReading(**common, dap_id="d1", rssi_dbm=-58.0),
-        "dap_peak": DapPeak(**common, dap_id="d1", peak_dbm=-44.0, width_s=1.4, sample_count=11),
         "neighbour": NeighbourHeard(
             **common, dap_id="d2", rssi_mean_dbm=-63.0, rssi_variance_db2=2.0, sample_count=25
         ),
-        "contact": Contact(**common, other_id="r2", peak_dbm=-50.0, width_s=2.0, sample_count=9),
-        "fix": PositionFix(**common, responder_id="r1", source="commander", position=_HERE),
-        "height_fix": HeightFix(**common, node="dap", node_id="d1", down_m=-3.0, sd_m=0.3),
         "installation": DapInstallation(**common, installer_id="r1", position=None),
-        "state": DapState(**common, battery_share=0.4, temperature_c=41.5, going=None),
         "set_down": SetDownHere(**common, dap_id="d1", position=_HERE),
         "stations": StationTable(
             **common, responders=(("02:00:5e:10:00:01", "r1"),), daps=(("02:00:5e:10:00:09", "d1"),)
         ),
+    }
+
+
+def _of_places(common: dict[str, Any]) -> dict[str, Message]:
+    """Return what is said of places, by topic name."""
+    return {
+        "site": SiteAdvice(**common, responder_id="r1", reason="passed 6 times by 3"),
+        "fix": PositionFix(**common, responder_id="r1", source="commander", position=_HERE),
+        "height_fix": HeightFix(**common, node="dap", node_id="d1", down_m=-3.0, sd_m=0.3),
         "track": TrackEstimate(
             **common,
             responder_id="r1",
@@ -162,19 +191,19 @@ def one_of_each() -> dict[str, Message]:
             reason="no DAP heard for 40 s",
         ),
         "dap_place": DapEstimate(**common, dap_id="d1", position=_HERE),
-        "beat": Beat(
-            **common,
-            run="00ff" * 4,
-            last_number=9,
-            kept_from=1,
-            acknowledged=7,
-            clock=ClockStatement(
-                post_id="p",
-                offset_ns=-5,
-                uncertainty_ns=2,
-                drift=1e-4,
-                spans=(ClockSpan(first_number=1, offset_ns=-7, uncertainty_ns=4),),
-            ),
+        "origin": OriginSet(
+            **common, latitude_deg=37.5, longitude_deg=127.0, height_m=38.0, bearing_deg=12.5
+        ),
+        "exercise": ExerciseStart(**common, scenario="course", seed=7, speed=10.0),
+        "truth": Truth(**common, north_m=1.0, east_m=2.0, down_m=0.0),
+    }
+
+
+def _of_posts(common: dict[str, Any]) -> dict[str, Message]:
+    """Return what posts and commanders say, by topic name."""
+    return {
+        "mayday_answer": MaydayAnswer(
+            **common, responder_id="r1", called_ns=5, phase="called", stage="acknowledged", by="c"
         ),
         "receipt": Receipt(
             **common, safe=(SafeUpTo(role="dap", node_id="d1", run="00ff" * 4, number=7),)
@@ -184,7 +213,6 @@ def one_of_each() -> dict[str, Message]:
         "order_answer": OrderAnswer(
             **common, commander_id="c", request_sequence=2, refusal="nobody", waited_for=("r1",)
         ),
-        "order_reply": OrderReply(**common, post_id="p", order_sequence=2, stage="received"),
         "alert": Alert(
             **common,
             number=4,
@@ -198,15 +226,10 @@ def one_of_each() -> dict[str, Message]:
             assigned_to="r2",
         ),
         "alert_request": AlertRequest(**common, number=4, stage="acknowledged", assigned_to=None),
-        "origin": OriginSet(
-            **common, latitude_deg=37.5, longitude_deg=127.0, height_m=38.0, bearing_deg=12.5
-        ),
         "outside": OutsideWord(
             **common, kind="marker", uid="u-1", callsign="Engine 5", words="hydrant", position=_HERE
         ),
         "stranger": StrangerNoticed(**common, role="dap", node_id="d1", words="not signed"),
-        "exercise": ExerciseStart(**common, scenario="course", seed=7, speed=10.0),
-        "truth": Truth(**common, north_m=1.0, east_m=2.0, down_m=0.0),
     }
 
 

@@ -12,12 +12,13 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 
 from command_post.commands.scoring import read_evidence, show_score
-from command_post.demo import DemoError, DemoSettings, run_demo
+from command_post.demo import DemoError, DemoSettings, run_demo, why_told_late
 from command_post.evaluation.errors import measure
 from command_post.evaluation.score_card import score
+from command_post.rehearsing.rehearsal import BootMethod
 from shared.config import ConfigError
 from shared.files import FolderHeldError, held_alone, replace_atomically
-from shared.mcap_reader import RecordingError
+from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode, quieten_logging, stop_on_signals
 from shared.simulation.scenario import load_scenario
 
@@ -31,7 +32,7 @@ def demo(
     scenario: str = "four_daps",
     seed: Seed = 1,
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1000.0))] = 1.0,
-    method: str | None = None,
+    method: BootMethod | None = None,
     output: Path = Path("clew-demo"),
     json: bool = False,
 ) -> int:
@@ -94,9 +95,12 @@ def _tell(settings: DemoSettings, console: Console, *, json: bool) -> int:
     """Score the recording of a demo that has ended, and say where its files are."""
     console.print(f"recording: {settings.recording}", highlight=False)
     evidence = read_evidence(settings.recording)
+    late = why_told_late(read_recording(settings.recording), settings)
     told = score(measure(evidence))
     with replace_atomically(settings.score) as file:
         file.write(msgspec.json.format(msgspec.json.encode(told)))
     show_score(told, evidence, settings.scenario.building, picture=settings.picture, json=json)
     console.print(f"picture: {settings.picture}", highlight=False)
+    if late is not None:
+        console.print(late, highlight=False)
     return ExitCode.OK

@@ -58,17 +58,25 @@ def export(
             material = material_of(past, found)
         made = [(path, exported(path.suffix, material, file, place)) for path in output]
         for path, content in made:
-            with replace_atomically(path) as written:
-                written.write(content)
+            _write(path, content)
     except (RecordingError, ConfigError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     except OSError as error:
-        _log.error(f"{error.filename}: cannot be written ({error.strerror})")
+        _log.error(str(error))
         return ExitCode.FAILURE
     if material.timeline.faults:
         _log.warning(f"{file}: not whole", why=material.timeline.faults)
     return ExitCode.OK
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file in one go. Raises ``OSError``, which names it and not what it is at first."""
+    try:
+        with replace_atomically(path) as written:
+            written.write(content)
+    except OSError as error:
+        raise OSError(f"{path}: cannot be written ({error.strerror})") from error
 
 
 def _checked(output: Sequence[Path], origin: str | None) -> Origin | None:

@@ -22,7 +22,7 @@ from command_post.plans.plan_file import geojson_of, with_plan
 from command_post.recorder.file import RecorderError
 from command_post.rehearsing.cluster import ClusterError
 from command_post.rehearsing.monte_carlo import Exercise, Run, run_many, run_one
-from command_post.rehearsing.rehearsal import Agents, RehearsalError
+from command_post.rehearsing.rehearsal import Agents, BootMethod, RehearsalError
 from command_post.rehearsing.rehearsal import rehearse as rehearse_scenario
 from command_post.rehearsing.score_table import pooled_table
 from shared.config import ConfigError, checked
@@ -34,6 +34,7 @@ from shared.simulation.scenario import load_scenario
 
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 Positive = Annotated[int, Parameter(validator=validators.Number(gt=0))]
+Workers = Annotated[int, Parameter(validator=validators.Number(gt=0, lte=1024))]
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -43,7 +44,7 @@ def rehearse(
     *,
     output: Path,
     seed: Seed = 1,
-    method: str | None = None,
+    method: BootMethod | None = None,
     odometry: OdometrySource | None = None,
     fusion: FusionMethod = "team",
     imu: bool = True,
@@ -94,12 +95,12 @@ def montecarlo(
     runs: Positive = 20,
     seed: Seed = 0,
     particles: int = 1000,
-    method: str | None = None,
+    method: BootMethod | None = None,
     odometry: OdometrySource | None = None,
     fusion: FusionMethod = "team",
     plan: Path | None = None,
     axis: bool = True,
-    workers: Positive = 2,
+    workers: Workers = 2,
     dask: str | None = None,
     picture: Path | None = None,
     json: bool = False,
@@ -147,12 +148,13 @@ def montecarlo(
         settings = with_plan(told, plan)
         exercises = _exercises(scenario, settings, agents)
         done = _run_all(exercises, runs, seed, workers, dask)
+        # What took long is told before a picture can fail.
+        _show(_card(done), json=json)
         if picture is not None:
             _draw(exercises, done, seed, picture)
     except (ValueError, RehearsalError, ClusterError, OSError) as error:
         _log.error(str(error))
         return ExitCode.USAGE if isinstance(error, ValueError) else ExitCode.FAILURE
-    _show(_card(done), json=json)
     return ExitCode.OK
 
 

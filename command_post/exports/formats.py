@@ -18,7 +18,9 @@ def exported(ending: str, material: Material, file: Path, origin: Origin | None)
     Raises ``ValueError`` for an ending that is none of ``FORMATS``, or that needs an origin.
     """
     if ending in NEEDS_ORIGIN and origin is None:
-        raise ValueError(f"{ending}: needs to know where on the Earth the incident was")
+        raise ValueError(
+            f"{ending}: needs to know where on the Earth the incident was; say its origin"
+        )
     match ending:
         case ".csv":
             return csv_of(material, origin)

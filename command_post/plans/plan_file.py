@@ -126,7 +126,7 @@ def parse_walls(content: bytes, origin: str) -> tuple[Wall, ...]:
     farthest_m = max(max(map(abs, msgspec.structs.astuple(wall))) for wall in walls)
     if farthest_m > FARTHEST_M:
         raise ConfigError(
-            f"{origin}: reaches {farthest_m / 1e3:.0f} km from the incident's origin; "
+            f"{origin}: reaches {farthest_m / 1e3:.3g} km from the incident's origin; "
             'correct "clew:origin", or its coordinates'
         )
     return tuple(walls)

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import tempfile
+from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -70,8 +71,11 @@ def run_many(
     size = max(1, min(share, MOST_A_CHUNK[source]))
     chunks = [seeds[k : k + size] for k in range(0, runs, size)]
     if address is None:
-        with _processes(workers) as pool:
-            yield from pool.map(partial(_run_or_leave, exercise), chunks)
+        with _processes(min(workers, len(chunks))) as pool:
+            # Work called off, as by map, would trip the pool's own thread once workers have gone.
+            begun = deque(pool.submit(_run_or_leave, exercise, chunk) for chunk in chunks)
+            while begun:
+                yield begun.popleft().result()
     else:
         with cluster(address) as executor:
             yield from executor.map(partial(run_chunk, exercise), chunks)
@@ -120,10 +124,12 @@ def _processes(workers: int) -> Iterator[Executor]:
 def _heed_the_main_process_alone() -> None:
     """Leave when the main process says so or is gone; Ctrl-C, which reaches all, is for it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     main = multiprocessing.parent_process()
     if main is not None:
         end_with_parent(main.sentinel)
+    # Not before: the pool would tell at length of who left while this was being done.
+    signal.signal(signal.SIGTERM, _leave)
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:

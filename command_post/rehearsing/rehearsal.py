@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 from command_post.children import Children
 from command_post.evaluation.evidence import Evidence, Track, vector_m
@@ -43,6 +43,10 @@ class Fused(NamedTuple):
     told_s: dict[tuple[str, str], float]
 
 
+BootMethod: TypeAlias = Literal["eskf", "linear"]
+"""How simulated agents can read their boots."""
+
+
 class Agents(NamedTuple):
     """What the agents of an exercise are told.
 
@@ -51,7 +55,7 @@ class Agents(NamedTuple):
     whether boots are simulated, or the errors of strides alone; ``None`` as the scenario says.
     """
 
-    method: str | None
+    method: BootMethod | None
     raw: bool
     odometry: OdometrySource | None = None
 

@@ -300,7 +300,7 @@ def _estimate_of(track: TrackEstimate) -> Estimate:
 
 
 class _Known(NamedTuple):
-    """What a roster is made of, as ``command_post.roster.Whereabouts`` has it."""
+    """What a roster is made of, as ``command_post.roster.RosterSource`` has it."""
 
     estimates: Mapping[str, Estimate]
     daps: Mapping[str, InstalledDap]

@@ -9,9 +9,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from edge_agent.cues import Cue, CueDesk, Overheard
 from edge_agent.gnss import GnssReading
 from edge_agent.sources.simulated_cues import simulated_cues
-from edge_agent.whereabouts import Cue, Overheard, Whereabouts
 from shared.bus.wire_log import WireLogBus
 from shared.clock import ManualClock
 from shared.exercise import REHEARSAL_INCIDENT, REHEARSAL_START_NS
@@ -45,7 +45,7 @@ def rehearse_strides(scenario: Scenario, responder_id: NodeId, seed: int, folder
     ahead_s = scenario.fault_of(responder_id).clock_ahead_s
     with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
         sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
-        unit = Whereabouts(sender)
+        unit = CueDesk(sender)
         for saying in _sayings(scenario, responder_id, seed):
             clock.set_ns(_time_ns(saying.time_s))
             now_ns = _time_ns(saying.time_s + ahead_s)

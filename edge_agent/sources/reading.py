@@ -7,10 +7,10 @@ from typing import NamedTuple, TypeAlias
 
 import msgspec
 
+from edge_agent.cues import Cue
 from edge_agent.drop_desk import Beacon
 from edge_agent.gnss import SpeedReading
 from edge_agent.mayday_controls import Control
-from edge_agent.whereabouts import Cue
 from shared.messages import ImuSample, LocalPosition
 
 

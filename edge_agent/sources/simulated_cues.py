@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from edge_agent.cues import Cue, Overheard
 from edge_agent.drop_desk import Beacon
 from edge_agent.gnss import GnssReading
-from edge_agent.whereabouts import Cue, Overheard
 from shared.messages import NodeId
 from shared.simulation.chance import generator
 from shared.simulation.gnss import simulate_fixes

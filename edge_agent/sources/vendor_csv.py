@@ -301,7 +301,8 @@ def _readings(path: Path, table: _Table, sensor: str) -> Array:
 def _force_m_s2(path: Path, table: _Table) -> Array:
     """Return specific force, which whatever its unit must have gravity in it."""
     readings = _readings(path, table, "force")
-    median = float(np.nanmedian(np.linalg.norm(readings, axis=1)))
+    with np.errstate(over="ignore"):
+        median = float(np.nanmedian(np.linalg.norm(readings, axis=1)))
     told = table.scale("force")
     for scale in _UNITS["force"].values() if told is None else (told,):
         if 0.5 <= median * scale / STANDARD_GRAVITY_M_S2 <= 2.0:

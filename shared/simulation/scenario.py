@@ -51,7 +51,7 @@ class Responder(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     start_m: Point
     route: Annotated[tuple[Leg, ...], Meta(min_length=1)]
     route_jitter_m: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.1
-    heading_deg: float = 0.0
+    heading_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
     floor: str = "ground"
     start_s: Seconds = 0.0
     person: str = "average"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import pytest
 
 from command_post.commands.offline import montecarlo
 from command_post.evaluation.pooled import PooledScore, pool
@@ -67,3 +68,14 @@ def test_two_scenarios_of_one_name_are_refused(tmp_path: Path) -> None:
     other = tmp_path / "corridor.toml"
     other.write_bytes((SCENARIOS / "corridor.toml").read_bytes())
     assert montecarlo(scenario=["corridor", str(other)], runs=1) == ExitCode.USAGE
+
+
+def test_a_picture_that_cannot_be_drawn_costs_no_score(
+    tmp_path: Path, capsysbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    picture = tmp_path / "nowhere" / "x.png"
+    code = montecarlo(
+        scenario=["corridor"], runs=1, odometry="strides", workers=10**6, picture=picture, json=True
+    )
+    assert code == ExitCode.FAILURE
+    assert msgspec.json.decode(capsysbinary.readouterr().out)["scenarios"]["corridor"]

@@ -15,6 +15,7 @@ import pytest
 
 from command_post.fusion.methods import prepare_fusion
 from command_post.fusion.settings import FusionSettings
+from shared.process import ExitCode
 from tests.bus.relay import Relay
 from tests.bus.test_zenoh import free_endpoint, port_of
 from tests.waiting import wait_for
@@ -159,3 +160,20 @@ def test_a_post_that_asks_for_what_it_missed_over_a_dead_link(tmp_path: Path) ->
                 relay.stall()
                 assert served.stop() == 0
                 assert talking.stop() == 0
+
+
+@pytest.mark.parametrize("package", ["command_post", "dap_node", "edge_agent"])
+def test_broken_off_while_it_is_loaded_it_ends_without_a_word(package: str) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-X", "importtime", "-m", package, "--help"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stderr is not None
+        next(line for line in process.stderr if "rich" in line)
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.read()
+        # Once it is loaded, it exits by itself.
+        assert process.wait(SOON_S) in (-signal.SIGINT, ExitCode.INTERRUPTED)
+    assert "Traceback" not in said

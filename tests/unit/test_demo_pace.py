@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-from command_post.demo import INCIDENT, DemoSettings, watch_the_pace
+from command_post.demo import INCIDENT, DemoSettings, watch_the_pace, why_told_late
 from shared.bus.memory import MemoryNetwork
 from shared.clock import SystemClock
 from shared.codec import encode
+from shared.mcap_reader import RecordedMessage
 from shared.messages import ExerciseStart
 from shared.simulation.scenario import load_scenario
 from shared.topics import Key
@@ -19,10 +20,15 @@ from tests.stride_world import stride
 from tests.waiting import wait_for
 
 
+def demo_at(speed: float) -> DemoSettings:
+    return DemoSettings(
+        "corridor", load_scenario("corridor"), 1, speed, None, Path(), shows_table=False
+    )
+
+
 @pytest.mark.parametrize(("late_s", "told"), [(3.0, 0), (3000.0, 1)])
 def test_falling_behind_is_said_once(late_s: float, told: int) -> None:
-    scenario = load_scenario("corridor")
-    settings = DemoSettings("corridor", scenario, 1, 2.0, None, Path(), shows_table=False)
+    settings = demo_at(2.0)
     now_ns = SystemClock().now_ns()
     start = ExerciseStart(event_time_ns=now_ns, sequence=0, scenario="corridor", seed=1, speed=2.0)
     said: list[str] = []
@@ -39,3 +45,17 @@ def test_falling_behind_is_said_once(late_s: float, told: int) -> None:
         wait_for(lambda: len(heard) == 3, "all that was published")
     assert len(said) == told
     assert all("this machine falls behind at 2x: r1 is " in each for each in said)
+
+
+@pytest.mark.parametrize(("late_s", "behind"), [(5.0, None), (61.0, "fell 61 s behind at 10x")])
+def test_a_post_that_did_not_keep_up_says_why_its_score_is_worse(
+    late_s: float, behind: str | None
+) -> None:
+    def came(topic: str, after_s: float) -> RecordedMessage:
+        key = str(Key(INCIDENT, "responder", "r1", topic))
+        return RecordedMessage(round((9.0 + after_s) * NS_PER_S), 9 * NS_PER_S, key, b"", False)
+
+    # The truth of a whole walk, say, waits for nothing.
+    recording = [came("increment", 1.0), came("increment", late_s), came("truth", 500.0)]
+    said = why_told_late(recording, demo_at(10.0))
+    assert said is None if behind is None else said is not None and behind in said

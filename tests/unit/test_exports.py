@@ -15,6 +15,7 @@ import pytest
 from defusedxml.ElementTree import fromstring
 
 from command_post.__main__ import app
+from command_post.commands.export import _write
 from command_post.exports.formats import exported
 from command_post.exports.maps import GOOGLE, KML, geojson_of, kml_of
 from command_post.exports.material import Material, iso, material_of
@@ -135,3 +136,9 @@ def test_the_command_writes_all_or_refuses_before(path: Path, tmp_path: Path) ->
     assert export("--output", str(table), "--output", str(lines), *origin) == ExitCode.OK
     assert sorted(tmp_path.iterdir()) == [table, lines]
     assert export("--output", str(tmp_path / "no" / "a.csv")) == ExitCode.FAILURE
+
+
+def test_what_cannot_be_written_is_named_as_it_was_given(tmp_path: Path) -> None:
+    path = tmp_path / "nowhere" / "x.html"
+    with pytest.raises(OSError, match=f"^{re.escape(str(path))}: cannot be written "):
+        _write(path, b"")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -173,3 +174,11 @@ def test_metadata_of_another_program_is_no_reason_to_fail(tmp_path: Path) -> Non
     recording = read_recording(path)
     assert len(list(recording)) == 1
     assert "was not written by Clew" in str(recording.report)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "pipe.mcap"
+    os.mkfifo(path)
+    with pytest.raises(RecordingError, match="is a pipe"):
+        read_recording(path)

@@ -34,6 +34,7 @@ def collection(geometry: dict[str, Any], **members: Any) -> bytes:
 
 
 LOCAL = {"clew:frame": "local"}
+FAR_LINE = {"type": "LineString", "coordinates": [[0.0, 0.0], [1e300, 1.0]]}
 LINE = {"type": "LineString", "coordinates": [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]]}
 
 
@@ -66,6 +67,7 @@ def test_degrees_are_metres_from_the_origin() -> None:
         (collection(LINE, **LOCAL, **{"clew:origin": [8.0, 50.0]}), "lies nowhere"),
         (collection(LINE, **{"clew:origin": [8.0, 95.0]}), "longitude"),
         (collection(LINE, **{"clew:origin": [8.0, 50.0]}), "km from the incident"),
+        (collection(FAR_LINE, **LOCAL), r"reaches 1e\+297 km"),
         (collection({"type": "Point", "coordinates": [0.0, 0.0]}, **LOCAL), "no plan"),
         (collection({"type": "LineString", "coordinates": [[0.0, 0.0]]}, **LOCAL), "no plan"),
         (collection({"type": "Polygon", "coordinates": []}, **LOCAL), "0 walls"),

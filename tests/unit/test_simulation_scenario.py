@@ -88,6 +88,7 @@ def test_packaged_scenarios_load_by_name_and_are_whole(path: Path) -> None:
         ("[people.anna]", "[faults.r1]\nswapped_with = 'dap1'\n[people.anna]", "'dap1' is no"),
         ("[people.anna]", TEAM + "[people.anna]", "'r1' is there more than once"),
         ('gait = "walk"', 'gait = "hop"', "'hop'"),
+        ("start_m", "heading_deg = 1e308\nstart_m", r"responders.r1.heading_deg: .* <= 360.0"),
         ("dap1", "r1", "'r1': a responder and a DAP have it"),
         ("dap1", "post", "'post': is the demo's own"),
         ("responders.r1", "responders.launcher", "'launcher': is the demo's own"),

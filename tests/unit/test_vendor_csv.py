@@ -212,6 +212,7 @@ BROKEN = {
     "no reading": (f"{X_IO}\n0,0,0,,0,0,1\n", "line 2: Gyroscope Z (deg/s) is ''"),
     "unknown unit": (f"{X_IO.replace('(g)', '(ft/s2)')}\n", "unknown unit; write one of m/s2, g"),
     "wrong unit": (f"{X_IO.replace('(g)', '(m/s2)')}\n{REST}", "mostly reads 1, which is not grav"),
+    "no force is so large": (f"{X_IO}\n0,0,0,0,0,0,1e300\n1,0,0,0,0,0,1e300\n", "mostly reads inf"),
     "wrong unit of rates": (
         f"{X_IO.replace('(deg/s)', '(rad/s)')}\n0,90,0,0,0,0,1\n0.01,90,0,0,0,0,1\n",
         "turns faster than anything worn: is it in °/s?",

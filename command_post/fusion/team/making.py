@@ -11,12 +11,12 @@ from command_post.fusion.team.doubts import examine
 from command_post.fusion.team.height_assembly import Heights, solve_heights, walked_storeys
 from command_post.fusion.team.heights import with_known
 from command_post.fusion.team.log import Installed, TeamLog
-from command_post.fusion.team.quarters import with_likeliest_quarter, with_other_ways
+from command_post.fusion.team.quarters import with_all_ways, with_likeliest_quarter
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import Solution
 from command_post.fusion.team.solving import Solved, commit
 from command_post.fusion.team.suspicions import supposed
-from command_post.fusion.team.whole_turns import likeliest, with_turns
+from command_post.fusion.team.whole_turns import likeliest
 
 
 class Commit(NamedTuple):
@@ -65,7 +65,7 @@ def solved_crew(
         if not crew.is_everybody:
             levels_m = with_known(levels_m, before.storeys_m)
         solution = solution._replace(storeys_m=tuple(levels_m))
-    solved = with_turns(solved, settings, settings.commit_iterations)
-    if crew.is_everybody:
-        solved = with_other_ways(solved, settings, settings.commit_iterations)
+    solved = with_all_ways(
+        solved, settings, settings.commit_iterations, is_everybody=crew.is_everybody
+    )
     return solution, Fresh(time_ns, log, solved, heights)

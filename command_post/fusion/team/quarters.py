@@ -20,7 +20,7 @@ from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solving import QUARTERS_RAD, Solved, Turns, solved_from
 from command_post.fusion.team.unturned import gauge, tied_groups
-from command_post.fusion.team.whole_turns import spread_over, turned_as_one
+from command_post.fusion.team.whole_turns import spread_over, turned_as_one, with_turns
 from shared.maths.angles import wrap_rad
 
 LEAST_SHARE = 0.03
@@ -50,6 +50,17 @@ def with_likeliest_quarter(found: Solved, settings: TeamSettings) -> Solved:
                 found = quarter.solved
                 break
     return found
+
+
+def with_all_ways(
+    found: Solved, settings: TeamSettings, iterations: int, *, is_everybody: bool
+) -> Solved:
+    """Return a crew's solution with all ways that its map may lie.
+
+    Of one that is not everybody they are those alone in which no heading is known.
+    """
+    turned = with_turns(found, settings, iterations)
+    return with_other_ways(turned, settings, iterations) if is_everybody else turned
 
 
 def with_other_ways(found: Solved, settings: TeamSettings, iterations: int) -> Solved:
@@ -89,7 +100,7 @@ def _with_quarters(
 ) -> list[_Way]:
     """Return the ways that a group's map may lie under a belief of that ``share``."""
     belief, everybody = solved.belief, len(solved.assembled.chains)
-    if belief.mode == "none" or (belief.mode == "free" and len(group) == everybody):
+    if belief.mode == "free" and len(group) == everybody:
         return [(share, solved)]
     quarters = _quarters(solved, group, settings, iterations)
     odds = [exponential(-0.5 * max(each.cost, 0.0)) for each in quarters]

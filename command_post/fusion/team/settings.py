@@ -22,7 +22,7 @@ class Sharpness(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """
 
     peak_dbm: tuple[float, ...] = (-58.0, -54.0, -50.0, -46.0, -42.0, -38.0)
-    sd_m: tuple[float, ...] = (5.5, 3.8, 2.9, 1.5, 0.8, 0.6)
+    sd_m: tuple[Metres, ...] = (5.5, 3.8, 2.9, 1.5, 0.8, 0.6)
     least_dbm: float = -48.0
     faint_dbm: float = -54.0
     dof: Annotated[float, Meta(ge=1.0, le=1000.0)] = 4.0

@@ -26,7 +26,7 @@ from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
 from command_post.fusion.team.log import END_OF_TIME_NS, TeamLog
 from command_post.fusion.team.making import Fresh
-from command_post.fusion.team.quarters import with_other_ways
+from command_post.fusion.team.quarters import with_all_ways
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoothed import smoothed_tracks
 from command_post.fusion.team.solution import NOTHING, Solution, concerning
@@ -34,7 +34,6 @@ from command_post.fusion.team.solving import commit, solve
 from command_post.fusion.team.standing_doubts import StandingDoubts
 from command_post.fusion.team.suspicions import clocks_ahead_ns, supposed
 from command_post.fusion.team.whereabouts import Whereabouts
-from command_post.fusion.team.whole_turns import with_turns
 from command_post.fusion.track import Estimate
 from shared.messages import (
     Contact,
@@ -234,9 +233,10 @@ class TeamTracker:
         solved = commit(log, latest, before, self._settings)
         if solved is None or not solved.is_sound:
             return {}, {}
-        solved = with_turns(solved, self._settings, self._settings.commit_iterations)
-        if crew.is_everybody:
-            solved = with_other_ways(solved, self._settings, self._settings.commit_iterations)
+        settings = self._settings
+        solved = with_all_ways(
+            solved, settings, settings.commit_iterations, is_everybody=crew.is_everybody
+        )
         heights = solve_heights(log, solved.assembled, latest, self._settings)
         ahead_ns = clocks_ahead_ns(before.suspicions)
         tracks = smoothed_tracks(solved, heights, ahead_ns, self._settings)
@@ -335,9 +335,9 @@ class TeamTracker:
         if solved is None or not solved.is_sound:
             self.counts["unsolved"] += solved is not None
             return None
-        solved = with_turns(solved, settings, settings.tick_iterations)
-        if crew.is_everybody:
-            solved = with_other_ways(solved, settings, settings.tick_iterations)
+        solved = with_all_ways(
+            solved, settings, settings.tick_iterations, is_everybody=crew.is_everybody
+        )
         return Fresh(due_ns, log, solved, solve_heights(log, solved.assembled, due_ns, settings))
 
     def _keep(self, crew: Crew, fresh: Fresh, before: Solution) -> None:

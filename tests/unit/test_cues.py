@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from edge_agent.contacts import ContactWatch
+from edge_agent.cues import CueDesk, Overheard
 from edge_agent.gnss import GnssGate, GnssReading, GnssSettings
 from edge_agent.sources.simulated_cues import simulated_cues
-from edge_agent.whereabouts import Overheard, Whereabouts
 from shared.bus.interface import Received
 from shared.bus.memory import MemoryNetwork
 from shared.messages import Contact, LocalPosition, Message, PositionFix
@@ -39,7 +39,7 @@ def said_by(cues: list[Overheard | GnssReading], stands_at: LocalPosition | None
     heard: list[Received] = []
     network = MemoryNetwork()
     network.connect().subscribe("clew/**", heard.append)
-    unit = Whereabouts(Sender(network.connect(), "fire", "responder", "r1"), stands_at)
+    unit = CueDesk(Sender(network.connect(), "fire", "responder", "r1"), stands_at)
     for cue in cues:
         unit.take(cue)
     unit.pass_time(at(60.0))

@@ -22,7 +22,7 @@ class Overheard(NamedTuple):
 Cue: TypeAlias = Overheard | GnssReading
 
 
-class Whereabouts:
+class CueDesk:
     """Takes cues in event time, sends what follows from them."""
 
     def __init__(self, sender: Sender, stands_at: LocalPosition | None = None) -> None:
