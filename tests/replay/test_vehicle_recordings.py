@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from edge_agent.evaluation.degradation import jittered
 from edge_agent.evaluation.score_card import TrialScore
 from edge_agent.evaluation.vehicle_score import follow_drive, score_drive
 from edge_agent.mounts.vehicle import VehicleMount
@@ -52,12 +53,23 @@ def test_half_the_rate_is_enough(recorded_drive: Path) -> None:
     assert (row.speed_rmse_m_s or 9.0) <= 1.0
 
 
-@pytest.mark.parametrize("seed", [0, 3, 26, 40])
+def test_stamps_that_jitter_are_put_right(recorded_drive: Path) -> None:
+    lying = next(one for one in lyings_of(recorded_drive) if one.lie is None)
+    samples, truth = mounted_drive(recorded_drive, lying)
+    worse = jittered(samples, np.random.default_rng(1), 0.005)
+    drive = follow_drive(VehicleMount(), worse, truth.fixed.speed)
+    row = score_drive("jitters", "vehicle", drive, None, truth)
+    assert (row.speed_rmse_m_s or 9.0) <= 0.25
+
+
+@pytest.mark.parametrize("seed", [0, 26, 32])
 def test_slips_of_the_phone_change_nothing_that_is_told(recorded_drive: Path, seed: int) -> None:
     row = score(recorded_drive, f"seed_{seed}", VehicleMount)
     assert (row.speed_rmse_m_s or 9.0) <= 1.0
     assert (row.acceleration_rmse_m_s2 or 9.0) <= 0.2
     assert (row.acceleration_correlation or 0.0) >= 0.97
+    assert row.realignment_s is not None
+    assert row.realignment_s <= 0.2
     assert row.slips == 3
 
 
