@@ -80,9 +80,12 @@ def rehearse(
         load_scenario(scenario)
         agents = Agents(method, imu, odometry)
         rehearse_scenario(scenario, seed, settings, output, agents, replace=replace)
-    except (ValueError, RecorderError, OSError) as error:
+    except (ValueError, RecorderError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
+    except OSError as error:
+        _log.error(f"{error.filename or output}: cannot be written ({error.strerror})")
+        return ExitCode.FAILURE
     except RehearsalError as error:
         _log.error(str(error))
         return ExitCode.FAILURE

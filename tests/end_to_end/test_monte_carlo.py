@@ -78,4 +78,4 @@ def test_a_picture_that_cannot_be_drawn_costs_no_score(
         scenario=["corridor"], runs=1, odometry="strides", workers=10**6, picture=picture, json=True
     )
     assert code == ExitCode.FAILURE
-    assert msgspec.json.decode(capsysbinary.readouterr().out)["scenarios"]["corridor"]
+    assert b'"corridor": {' in capsysbinary.readouterr().out
