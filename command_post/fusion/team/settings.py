@@ -159,4 +159,4 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     recovered_turn_sd_rad: Radians = math.radians(20.0)
 
     covariance_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
-    given_axis_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 0.9
+    given_axis_factor: Annotated[float, Meta(gt=0.0, le=100.0)] = 0.75
