@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from command_post.confidence import inside95
+from command_post.fusion.team.assembly import Noise
 from command_post.fusion.team.estimates import bent_back
 from command_post.fusion.team.graph import TURN_DOF
 from command_post.fusion.team.move_log import Floats
 from command_post.fusion.team.settings import TeamSettings
+from command_post.fusion.team.sharpness import learnt_noise
+from command_post.fusion.team.solving import solved_from
 from command_post.fusion.team.team_tracker import TeamTracker
 from tests.stride_world import stride, track_start
-from tests.unit.test_team_axis import walked
+from tests.unit.test_team_axis import SQUARE, walked
 
 WAY_M = 20.0
 START_SD_M = 0.5
@@ -80,3 +84,30 @@ def test_afterwards_only_who_is_held_to_the_axis_given_is_told_surer() -> None:
 
     np.testing.assert_allclose(spread_m2(0.5, axis=True), 0.5 * spread_m2(1.0, axis=True))
     np.testing.assert_array_equal(spread_m2(0.5, axis=False), spread_m2(1.0, axis=False))
+
+
+def test_how_far_straight_moves_are_off_the_axis_is_learnt() -> None:
+    found = walked(math.radians(2.0), 0.0, 4 * SQUARE, with_mate=True)
+    bent = found.pose.copy()
+    bent[:, 2] += math.radians(15.0) * np.random.default_rng(1).normal(size=len(bent))
+    straight, crooked = (
+        learnt_noise(found.assembled, pose, found.arrow, TeamSettings()).straights
+        for pose in (found.pose, bent)
+    )
+    assert straight < 0.8
+    assert crooked > 1.3
+
+
+def test_how_far_straight_moves_are_off_the_axis_widens_headings_and_moves_nobody() -> None:
+    found = walked(math.radians(2.0), 0.0, SQUARE, with_mate=True)
+    settings, belief = TeamSettings(), found.belief
+    assert belief.mode == "given"
+    nearer, farther = (
+        solved_from(
+            replace(found.assembled, noise=Noise(straights=scale)).believing(belief, settings),
+            found.pose.copy(), found.arrow.copy(), belief, settings, 5,
+        )
+        for scale in (0.5, 2.0)
+    )  # fmt: skip
+    np.testing.assert_array_equal(nearer.pose, farther.pose)
+    assert nearer.ends[1, 3] < 0.8 * farther.ends[1, 3]

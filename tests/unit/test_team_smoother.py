@@ -62,7 +62,7 @@ def random_graph(seed: int) -> tuple[Graph, Floats, Floats]:
         straight_at=np.array([1, 4, 11]),
         place=np.column_stack([chance.normal(0.0, 10.0, (PLACES, 2)), np.full(PLACES, 100.0)]),
         unit_sd=UNIT_SD,
-        axis=np.array([0.0, 0.02]),
+        axis=np.array([0.0, 0.02, 0.04]),
         lead=np.array([0.1, 0.5]),
     )  # fmt: skip
     pose = chance.normal(0.0, 5.0, (int(first[-1]), 3)) * [1.0, 1.0, 0.1]

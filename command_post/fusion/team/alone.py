@@ -70,6 +70,7 @@ def alone(found: Solved, index: int, settings: TeamSettings) -> Solved:
         np.array([found.arrow[each], max(float(found.shared[each, each]) ** 0.5, 1e-3)])
         for each in (AXIS, LEAD)
     )
+    axis = np.append(axis, whole.axis[2])
     graph = Graph(
         ends, columns, columns_first, width,
         whole.move[first - index : end - 1 - index], move_at, whole.tie[ties], tie_at,

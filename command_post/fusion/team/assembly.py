@@ -62,12 +62,14 @@ NO_AXIS = AxisBelief("none", 0.0, 1.0, frozenset())
 class Noise(NamedTuple):
     """By how much standard deviations are wider than the settings and the units say.
 
-    ``passes`` are those of passes of DAPs; ``places`` and ``turns`` those of moves.
+    ``passes`` are those of passes of DAPs; ``places`` and ``turns`` those of moves; ``straights``
+    those of straight moves about the axis, in covariances.
     """
 
     passes: float = 1.0
     places: float = 1.0
     turns: float = 1.0
+    straights: float = 1.0
 
 
 AS_TOLD = Noise()
@@ -112,8 +114,9 @@ class Assembled:
     def believing(self, belief: AxisBelief, settings: TeamSettings) -> Assembled:
         """Return the same, with another belief of the building's axis."""
         straight, straight_at = _straights(self.chains, self.nodes, belief, settings)
-        axis = np.array([belief.axis_rad, belief.sd_rad])
-        graph = self.graph._replace(straight=straight, straight_at=straight_at, axis=axis)
+        graph = self.graph._replace(
+            straight=straight, straight_at=straight_at, axis=_axis(belief, self.noise, settings)
+        )
         return replace(self, graph=graph)
 
 
@@ -257,7 +260,7 @@ def _build(
         np.array(turn).reshape(-1, 2), node_of(*begins),
         straight, straight_at,
         np.array([known.get(place, (0.0, 0.0, UNKNOWN_SD_M)) for place in places]).reshape(-1, 3),
-        unit_sd(chains, settings), np.array([belief.axis_rad, belief.sd_rad]),
+        unit_sd(chains, settings), _axis(belief, noise, settings),
         np.array([0.0, settings.lead_sd_s]),
     )  # fmt: skip
     # Of several rows of a place the last one written counts: the first in time, or by whom it was
@@ -357,6 +360,11 @@ def _write_moves(
         rows[row, 1] = way_m[other, 1] - way_m[one, 1]
         rows[row, 2] = (time_ns[other] - time_ns[one]) / NS_PER_S
         rows[row, 3], rows[row, 4] = max(sd_m, 0.01), max(sd_rad, 1e-4)
+
+
+def _axis(belief: AxisBelief, noise: Noise, settings: TeamSettings) -> Floats:
+    told_sd_rad = noise.straights * settings.straight_told_sd_rad
+    return np.array([belief.axis_rad, belief.sd_rad, told_sd_rad])
 
 
 def _straights(

@@ -136,7 +136,7 @@ def told_by_legs(graph: Graph, pose: Floats, arrow: Floats, share: float) -> tup
     long a leg is, it says no more against an axis than one that is aside of it may.
     """
     nodes = graph.move_at[graph.straight_at, 0]
-    off_rad = _off_axis(graph, pose, arrow, nodes)
+    off_rad = off_axis_rad(graph, pose, arrow)
     return cost_of_legs(graph.straight, off_rad, legs(nodes, graph.straight[:, 0]), share)
 
 
@@ -161,7 +161,9 @@ def cost_of_legs(straight: Floats, off_rad: Floats, leg: Ints, share: float) -> 
     return of_moves, of_legs
 
 
-def _off_axis(graph: Graph, pose: Floats, arrow: Floats, nodes: Ints) -> Floats:
+def off_axis_rad(graph: Graph, pose: Floats, arrow: Floats) -> Floats:
+    """Return how far each straight move (s,) is off the axis, or off what is square to it (rad)."""
+    nodes = graph.move_at[graph.straight_at, 0]
     along_rad = 0.5 * (pose[nodes, 2] + pose[nodes + 1, 2]) + graph.straight[:, 0]
     off_rad = along_rad - arrow[AXIS]
     return np.asarray(off_rad - nearest_right_angle_rad(off_rad))

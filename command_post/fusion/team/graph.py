@@ -53,7 +53,8 @@ class Graph(NamedTuple):
       off the axis (rad); ``straight_at`` (s,): row of ``move``.
     - ``place`` (p, 3): what is known of each place beforehand: north, east, standard deviation (m).
     - ``unit_sd`` (2 U,): what is known of scale and drift (rad/s) of each unit, unit after unit.
-    - ``axis`` (2,): what is known of the axis, and its standard deviation (rad).
+    - ``axis`` (3,): what is known of the axis, its standard deviation, and how far straight moves
+      are off it in covariances (rad).
     - ``lead`` (2,): what is known of the lead of peaks, and its standard deviation (s).
     """
 
@@ -103,14 +104,16 @@ LARGEST_TURN_RAD = 0.6
 def with_tails(graph: Graph) -> Graph:
     """Return the graph of which covariances are told: with turns as wide as their tails make them.
 
-    It is about the same states: these are where all is likeliest.
+    Straight moves are as near the axis as they are found to be. It is about the same states: these
+    are where all is likeliest.
     """
-    move = graph.move.copy()
+    move, straight = graph.move.copy(), graph.straight.copy()
     move[:, 4] *= TURN_TAILS
+    straight[:, 1] = graph.axis[2]
     return Graph(
         graph.first, graph.columns, graph.columns_first, graph.width, move, graph.move_at,
         graph.tie, graph.tie_at, graph.fix, graph.fix_at, graph.turn, graph.turn_at,
-        graph.straight, graph.straight_at, graph.place, graph.unit_sd, graph.axis, graph.lead,
+        straight, graph.straight_at, graph.place, graph.unit_sd, graph.axis, graph.lead,
     )  # fmt: skip
 
 

@@ -77,9 +77,10 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     is told by anything else. A unit's scale is known to ``scale_sd``, which is more than boots
     differ by: strides that go unnoticed make all ways of a team short alike, and no pass tells.
 
+    Straight moves are held to an axis as loosely as ``straight_sd_rad``, for it may be wrong; in
+    covariances they are off it by ``straight_told_sd_rad``, and what is learnt of that.
     Covariances are told ``covariance_factor`` times as wide as they are solved; afterwards, of a
-    team that is held to an axis given, ``given_axis_factor`` times that: headings held to an axis
-    are surer than straight moves, each as far off it as ``straight_sd_rad``, let them seem.
+    team that is held to an axis given, ``given_axis_factor`` times that.
     """
 
     tick_s: Seconds = 2.0
@@ -138,6 +139,7 @@ class TeamSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     axis_rad: Annotated[float, Meta(ge=-math.pi, le=math.pi)] = 0.0
     axis_sd_rad: Radians = math.radians(0.5)
     straight_sd_rad: Radians = math.radians(6.0)
+    straight_told_sd_rad: Radians = math.radians(3.0)
     straight_least_m: Metres = 1.8
     straight_share: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.985
     axis_least_moves: Annotated[int, Meta(ge=1, le=1000)] = 2

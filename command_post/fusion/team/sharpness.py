@@ -1,4 +1,4 @@
-"""How far passes and moves scatter where the team is: three scales of what is told, learnt (pure).
+"""How far passes and moves scatter where the team is: four scales of what is told, learnt (pure).
 
 A peak of one height says less where power falls slowly with range than where it falls steeply, and
 strides are surer of some feet, and on some floors, than of others. How far the passes lie from
@@ -19,6 +19,7 @@ import numpy as np
 
 from command_post.fusion.team.arithmetic import carried, logarithm, rotated
 from command_post.fusion.team.assembly import UNKNOWN_TURN_SD_RAD, Assembled, Noise
+from command_post.fusion.team.axis import off_axis_rad
 from command_post.fusion.team.graph import LEAD, PLACE_DOF, TURN_DOF, Floats, Graph, Ints
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.smoother import log_determinant
@@ -36,10 +37,11 @@ ROUNDS = 30
 def learnt_noise(
     assembled: Assembled, pose: Floats, arrow: Floats, settings: TeamSettings
 ) -> Noise:
-    """Return the scales of passes of DAPs, and of moves, that a solved graph speaks for."""
+    """Return the scales that a solved graph speaks for: of passes of DAPs, and of moves."""
     graph, told = assembled.graph, assembled.noise
     passed = _passes(assembled)
     moved = np.flatnonzero(graph.move[:, 4] < UNKNOWN_TURN_SD_RAD)
+    straight = np.arange(len(graph.straight))
     determinant = log_determinant(graph, pose, arrow)
 
     def taken_up(table: str, rows: Ints, column: int) -> float:
@@ -48,7 +50,7 @@ def learnt_noise(
         grown = log_determinant(graph._replace(**{table: sharper}), pose, arrow) - determinant
         return _taken_up(grown)
 
-    passes = places = turns = 1.0
+    passes = places = turns = straights = 1.0
     if passed.size:
         stands = _stands(assembled, arrow)
         off2 = _squared(graph.tie, graph.tie_at, passed, pose, stands) * told.passes**2
@@ -62,7 +64,12 @@ def learnt_noise(
         bounds = (LEAST_OF_MOVES, MOST_OF_MOVES)
         places = _scale(off2 * told.places**2, share, of_places, PLACE_DOF, 2.0, prior, *bounds)
         turns = _scale(bent2 * told.turns**2, share, of_turns, TURN_DOF, 1.0, prior, *bounds)
-    return Noise(passes, places, turns)
+    if straight.size:
+        off2 = (off_axis_rad(graph, pose, arrow) / settings.straight_told_sd_rad) ** 2
+        share, followed = np.ones(straight.size), taken_up("straight", straight, 1)
+        prior = settings.noise_prior_moves
+        straights = _scale(off2, share, followed, 1.0, 1.0, prior, LEAST_OF_MOVES, MOST_OF_MOVES)
+    return Noise(passes, places, turns, straights)
 
 
 def _passes(assembled: Assembled) -> Ints:

@@ -153,7 +153,7 @@ def _priors(graph: Graph, pose: Floats, arrow: Floats) -> Iterator[Factor]:
         [graph.axis[:1], graph.lead[:1], np.zeros(2 * units), graph.place[:, :2].ravel()]
     )
     sd = np.concatenate(
-        [graph.axis[1:], graph.lead[1:], graph.unit_sd, np.repeat(graph.place[:, 2], 2)]
+        [graph.axis[1:2], graph.lead[1:], graph.unit_sd, np.repeat(graph.place[:, 2], 2)]
     )
     derivative = np.hstack([np.zeros((arrow.size, pose.size)), np.diag(1.0 / sd)])
     off = (arrow - mean) / sd

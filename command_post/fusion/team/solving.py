@@ -16,7 +16,7 @@ from command_post.fusion.team.assembly import (
     assemble,
 )
 from command_post.fusion.team.axis import directions, likely_axis, told_by_legs, witnesses
-from command_post.fusion.team.axis_choice import best_of, rivals_of
+from command_post.fusion.team.axis_choice import best_of, rivals_of, worth_of
 from command_post.fusion.team.chain import UnitName, turn_known
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import TeamLog
@@ -273,7 +273,7 @@ def _with_axis(
 
 
 def _best(trials: list[Solved], held: AxisBelief, settings: TeamSettings) -> Solved:
-    """Return the trial that is to be acted upon, with how likely the others are."""
+    """Return the trial to be acted upon, with how likely others are; the last has no axis."""
     costs = [_belief_cost(tried, settings) for tried in trials]
     beliefs = [
         tried.belief._replace(axis_rad=float(tried.arrow[AXIS]))
@@ -282,7 +282,9 @@ def _best(trials: list[Solved], held: AxisBelief, settings: TeamSettings) -> Sol
         for tried in trials
     ]
     alone = len(trials[0].assembled.chains) == 1
-    best = trials[best_of(beliefs, costs, held, settings.adopt_gain, alone=alone)]
+    worth = worth_of(trials[0].ends[:, 3].tolist(), trials[-1].ends[:, 3].tolist())
+    chosen = best_of(beliefs, costs, held, settings.adopt_gain, worth=worth, alone=alone)
+    best = trials[chosen]
     return best._replace(belief=best.belief._replace(rivals=rivals_of(beliefs, costs, best.belief)))
 
 
