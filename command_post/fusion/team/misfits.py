@@ -10,8 +10,9 @@ import numpy as np
 
 from command_post.fusion.team.arithmetic import carried, logarithm
 from command_post.fusion.team.graph import LEAD, PLACE_DOF, TURN_DOF, Floats, Ints
+from command_post.fusion.team.log import ResponderLog
 from command_post.fusion.team.solving import Solved
-from command_post.fusion.team.ties import PlaceId
+from command_post.fusion.team.ties import PlaceId, level_sd_m
 from shared.compiled import compiled
 from shared.units import NS_PER_S
 
@@ -94,6 +95,18 @@ def worst_bend(solved: Solved, chain: int) -> Bend:
     one, other = assembled.nodes[chain][at : at + 2].tolist()
     times = assembled.chains[chain].time_ns
     return Bend((int(times[one]) + int(times[other])) // 2, cost)
+
+
+def worst_fix(solved: Solved, chain: int, own: ResponderLog) -> tuple[float, int]:
+    """Return what the word for a responder's place costs that fits least, and when it was said."""
+    worst = 0.0, 0
+    for fix in own.fixes:
+        if fix.time_ns <= int(solved.assembled.chains[chain].time_ns[-1]):
+            north_m, east_m = place_at(solved, chain, fix.time_ns)
+            off_m = math.hypot(north_m - fix.position.north_m, east_m - fix.position.east_m)
+            squared = (off_m / level_sd_m(fix.position)) ** 2
+            worst = max(worst, (robust_cost(squared, PLACE_DOF, 2.0), fix.time_ns))
+    return worst
 
 
 @compiled
