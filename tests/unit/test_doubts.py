@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from command_post.fusion.interface import Doubt
-from command_post.fusion.team.doubts import PRICE, doubts_of
+from command_post.fusion.team.doubts import PRICE, doubts_of, with_one_more
 from command_post.fusion.team.estimates import estimate_of, first_pose
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -154,6 +154,25 @@ def test_a_daps_clock_is_put_right() -> None:
     assert isinstance(doubt, Doubt)
     assert doubt.words == "clock 2.0 s ahead"
     assert 0.9 < doubt.certainty < 1.0
+
+
+def test_a_clock_far_off_is_put_right_and_no_other_is_doubted_for_it() -> None:
+    found = fused(0, Faults(ahead_s=("r2", 10.0)), lasts_s=150.0)
+    assert found.named_s.keys() == {("clock", "r2")}
+    (doubt,) = found.tracker.doubts
+    assert 9.5 <= float(doubt.words.split()[1]) <= 10.5
+    assert found.mean_m("r2", 130.0) < 1.5
+
+
+def test_a_clock_that_is_further_off_than_was_held_is_held_to_be_so_by_both() -> None:
+    once = Suspicion("clock", "responder", "r2", 0, ahead_s=6.0)
+    more, another = once._replace(ahead_s=2.5), once._replace(node_id="r3")
+    held = (Held(once, 30.0, stood=True), Held(another, 25.0))
+    assert with_one_more(held, Held(more, 28.0)) == (
+        held[1], Held(once._replace(ahead_s=8.5), 58.0, stood=True),
+    )  # fmt: skip
+    moved = Held(Suspicion("moved", "dap", "dap4", 0), 40.0)
+    assert with_one_more(held, moved) == (*held, moved)
 
 
 def test_whose_clock_is_ahead_is_dated_by_the_others() -> None:

@@ -20,7 +20,7 @@ from command_post.fusion.team.suspicions import Suspicion
 from shared.topics import Role
 
 LEAST_PASSES = 3
-MOST_AHEAD_S = 3.0
+MOST_AHEAD_S = 15.0
 
 
 class Node(NamedTuple):
@@ -87,12 +87,15 @@ def _against_responder(
 def _doubtful_words(own: ResponderLog, solved: Solved, chain: int) -> set[int]:
     """Return when it was said where a responder was that may not be so.
 
-    That is where each unit was said to begin, unless it was reckoned, and the word that fits least.
+    That is where each unit was said to begin, unless it was reckoned, and the word that fits least:
+    where all fit, and the way leaps to them perhaps, the last one.
     """
     starts = solved.assembled.chains[chain].starts
     found = {each.time_ns for each in starts if each.position and each.down_sd_m is None}
     cost, time_ns = worst_fix(solved, chain, own)
-    return found | {time_ns} if cost > STANDS_OUT else found
+    if own.fixes:
+        found.add(time_ns if cost > STANDS_OUT else own.fixes[-1].time_ns)
+    return found
 
 
 def _clocks_ahead_s(solved: Solved, node: Node) -> list[float]:

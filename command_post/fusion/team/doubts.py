@@ -57,14 +57,15 @@ KEPT_SHARE = 0.5
 BETTER_BY = 6.0
 LEAST_MISFIT = 6.0
 MOST_SUSPECTS = 2
-MOST_TRIED_OF_CROWD = 6
+MOST_TRIED_OF_CROWD = 7
 """Of a crew of a large team one node is suspected at a commit, of no more things than this."""
 
 FEWEST_TO_ONE = 4
 """Of so many DAPs one may be doubted: who finds most of them wrong is more likely wrong.
 
 And of so many scales, of nobody's who is alone: were most of them free, nothing would tell how
-large the map is, or how blunt radio is here.
+large the map is, or how blunt radio is here. And of so many who were not where that was said: were
+most of them so, it is the DAP that they all passed.
 """
 
 LEAST_SCALE_OFF = 0.1
@@ -183,7 +184,11 @@ def _misfit(own: list[Pass], count: int, cost: float) -> float:
 
 def _strain(own: ResponderLog, solved: Solved, index: int) -> float:
     """Return how much a responder's turns, scales, drifts and words cost beyond the usual."""
-    strain = max(worst_bend(solved, index).cost - STANDS_OUT, 0.0)
+    bend = worst_bend(solved, index)
+    strain = max(bend.cost - STANDS_OUT, 0.0)
+    if own.fixes:
+        # To where somebody says they are a way may have leapt.
+        strain += max(bend.leap_cost - STANDS_OUT, 0.0)
     strain += max(worst_fix(solved, index, own)[0] - STANDS_OUT, 0.0)
     for unit in range(len(solved.assembled.chains[index].starts)):
         column = solved.assembled.unit_column(index, unit)
@@ -215,7 +220,25 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     if best is None or _net(best[1]) < 0.0:
         return verdict._replace(examined=examined)
     # What else stands out may be due to the same, and is looked at again.
-    return Verdict(best[0], (*verdict.held, best[1]), verdict.examined)
+    return Verdict(best[0], with_one_more(verdict.held, best[1]), verdict.examined)
+
+
+def with_one_more(held: tuple[Held, ...], fresh: Held) -> tuple[Held, ...]:
+    """Return what is held with one more; a clock that is further off than was held is so by both.
+
+    Otherwise either would be weighed as if the other were right, and both told.
+    """
+    ahead_s, gain, stood = fresh.suspicion.ahead_s, fresh.gain, fresh.stood
+    alike = [each for each in held if each.suspicion[:3] == fresh.suspicion[:3]]
+    if fresh.suspicion.kind != "clock" or not alike:
+        return (*held, fresh)
+    whole = fresh.suspicion._replace(
+        ahead_s=math.fsum([ahead_s, *(each.suspicion.ahead_s for each in alike)])
+    )
+    whole_gain = math.fsum([gain, *(each.gain for each in alike)])
+    stood = stood or any(each.stood for each in alike)
+    rest = tuple(each for each in held if each not in alike)
+    return (*rest, Held(whole, whole_gain, stood))
 
 
 def _doubted_daps(verdict: Verdict) -> int:
@@ -226,7 +249,7 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
     """Return the verdict with a suspicion that is held weighed again: kept, replaced or dropped."""
     rest = tuple(each for each in verdict.held if each.suspicion != held.suspicion)
     kept = tuple(each.suspicion for each in rest)
-    without = _solved_with(case, verdict.solved, kept, None)
+    without = _solvedwith_one_more(case, verdict.solved, kept, None)
     if without is None:
         return verdict
     nodes = _nodes(supposed(case.log, kept), without)
@@ -258,12 +281,15 @@ def _best(
     best: tuple[Solved, Held] | None = None
     most = MOST_TRIED_OF_CROWD if case.of_crowd else None
     scales = sum(each.kind == "scale" for each in kept)
+    placed_wrongly = {each.node_id for each in kept if each.kind == "misplaced"} - {node.node_id}
     chains = len(solved.assembled.chains)
     most_scales = max(1, chains // FEWEST_TO_ONE) if chains > 1 else 0
     for suspicion in islice(against(supposed(case.log, kept), solved, node, others), most):
         if suspicion.kind == "scale" and scales >= most_scales:
             continue
-        tried = _solved_with(case, solved, kept, suspicion)
+        if suspicion.kind == "misplaced" and len(placed_wrongly) >= max(1, most_scales):
+            continue
+        tried = _solvedwith_one_more(case, solved, kept, suspicion)
         if tried is None:
             continue
         held = Held(suspicion, _gain(solved, tried, suspicion, node))
@@ -283,7 +309,7 @@ def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: Node) -> 
     return gain
 
 
-def _solved_with(
+def _solvedwith_one_more(
     case: _Case, begin: Solved, kept: tuple[Suspicion, ...], suspicion: Suspicion | None
 ) -> Solved | None:
     """Return the team solved as if all that were right, from ``begin`` and from nothing."""

@@ -26,6 +26,8 @@ SuspicionKind: TypeAlias = Literal[
 ]
 
 UNKNOWN_HEADING_SD_RAD = 100.0
+SPELL_S = 60.0
+"""So long before and after a place that GNSS had wrong it may have had all as wrong."""
 
 _Timed = TypeVar("_Timed", Peak, Installed)
 
@@ -181,7 +183,10 @@ def _put_starts(log: TeamLog, responder_id: str, own: ResponderLog, starts: list
 
 
 def _unplace(log: TeamLog, suspicion: Suspicion) -> None:
-    """Forget where a responder was said to be then, and where each start of before they moved."""
+    """Forget where a responder was said to be then, and what each start said before they moved.
+
+    And what GNSS said about then: a facade that reflects throws it off for as long as one is by.
+    """
     own, since_ns = log.of(suspicion.node_id), suspicion.since_ns
     ends_ns = own.moves.until(END_OF_TIME_NS).end_ns
     after = int(ends_ns.searchsorted(since_ns, side="right"))
@@ -192,7 +197,15 @@ def _unplace(log: TeamLog, suspicion: Suspicion) -> None:
         else each
         for each in own.starts
     ]
-    fixes = [each for each in own.fixes if each.time_ns != since_ns]
+    is_gnss = any(each.source == "gnss" and each.time_ns == since_ns for each in own.fixes)
+    fixes = [
+        each
+        for each in own.fixes
+        if each.time_ns != since_ns
+        and not (
+            is_gnss and each.source == "gnss" and abs(each.time_ns - since_ns) < SPELL_S * NS_PER_S
+        )
+    ]
     log.responders[suspicion.node_id] = replace(own, starts=starts, fixes=fixes)
 
 
