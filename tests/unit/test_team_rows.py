@@ -179,8 +179,9 @@ def test_the_worst_bend_is_the_first_that_costs_most(seed: int) -> None:
         _, _, north_m, east_m = off_move(move, row, pose, node, 1.0 + arrow[scale])
         sd_m = float(move[row, 3]) * longer(unit_sd, arrow, scale)
         leaps.append(robust_cost(squared_over(north_m, east_m, sd_m), PLACE_DOF, 2.0))
-    found = _worst_bend(move, move_at, unit_sd, pose, arrow)
-    assert found == (worst, costs[worst], pytest.approx(max(leaps)))
+    at, cost, leap_cost = _worst_bend(move, move_at, unit_sd, pose, arrow)
+    assert (at, cost) == (worst, costs[worst])
+    assert leap_cost == pytest.approx(max(leaps))
     assert _worst_bend(move[:0], move_at[:0], unit_sd, pose, arrow) == (-1, 0.0, 0.0)
 
 

@@ -21,6 +21,7 @@ from shared.topics import Role
 
 LEAST_PASSES = 3
 MOST_AHEAD_S = 15.0
+FAR_AHEAD_S = 3.0
 
 
 class Node(NamedTuple):
@@ -99,9 +100,15 @@ def _doubtful_words(own: ResponderLog, solved: Solved, chain: int) -> set[int]:
 
 
 def _clocks_ahead_s(solved: Solved, node: Node) -> list[float]:
-    """Return by how much a clock may be ahead: as the ways suggest, which bent to it, or twice."""
+    """Return by how much a clock may be ahead: as the ways suggest, which bent to it, or twice.
+
+    Or in between, where that is far off.
+    """
     ahead_s = best_ahead_s(solved, node.passes, of_responder=node.role == "responder")
-    return sorted({ahead_s, max(min(2.0 * ahead_s, MOST_AHEAD_S), -MOST_AHEAD_S)})
+    longer = (2.0,) if abs(ahead_s) <= FAR_AHEAD_S else (1.25, 1.5, 2.0)
+    return sorted({
+        ahead_s, *(max(min(each * ahead_s, MOST_AHEAD_S), -MOST_AHEAD_S) for each in longer)
+    })  # fmt: skip
 
 
 def _between(passes: list[Pass], at: int) -> int:
