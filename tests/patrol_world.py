@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from shared.messages import Message, RssiPeak
@@ -20,6 +21,7 @@ REACH_M = 4.0
 SET_DOWN_AHEAD_M = 0.25
 """So far before themselves somebody sets a DAP down."""
 NEVER_S = math.inf
+CARRIED_S = 50.0
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +43,11 @@ DRIFTS_DEG_S = {"r1": 0.02, "r2": -0.04, "r3": 0.03, "r4": -0.02}
 
 @dataclass(frozen=True)
 class Faults:
-    """What is wrong from ``since_s`` on; of clock and scale, from the beginning."""
+    """What is wrong from ``since_s`` on; of clock, scale and start, from the beginning.
+
+    ``carried`` is a DAP that somebody has in their hands for ``CARRIED_S``, and sets down again
+    where it stood; ``begins_off_m`` how far north of where they are somebody's unit says to begin.
+    """
 
     since_s: float = 150.0
     moved: tuple[str, tuple[float, float]] | None = None
@@ -50,6 +56,8 @@ class Faults:
     renewed: tuple[str, float] | None = None
     ahead_s: tuple[str, float] | None = None
     scale: tuple[str, float] | None = None
+    carried: tuple[str, str] | None = None
+    begins_off_m: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +113,11 @@ def _strides(
     scale = faults.scale[1] if faults.scale and faults.scale[0] == name else 1.0
     first_rad = math.radians(OFFSETS_DEG[name])
     sd_rad = math.radians(2.0 if name == "r1" else 30.0)
-    told: list[Message] = [track_start(times[0] - 1.0 + ahead_s, sd_rad)]
+    start = track_start(times[0] - 1.0 + ahead_s, sd_rad)
+    if faults.begins_off_m and faults.begins_off_m[0] == name and start.position:
+        said = structs.replace(start.position, north_m=faults.begins_off_m[1])
+        start = structs.replace(start, position=said)
+    told: list[Message] = [start]
     jitter = np.cumsum(math.radians(0.4) * chance.standard_normal(len(times)))
     for k, step_m in enumerate(np.diff(places, axis=0)):
         off = first_rad + math.radians(DRIFTS_DEG_S[name]) * (times[k] - times[0]) + jitter[k]
@@ -149,6 +161,9 @@ def _told(
             heard_as = _heard_as(name, time_s, faults)
             at_s = time_s + 0.15 * chance.standard_normal() + ahead_s
             told.append(_peak(at_s, heard_as, -38.0 - 3.0 * range_m + chance.standard_normal()))
+        if faults.carried == (dap_id, name):
+            in_hands_s = np.arange(faults.since_s, faults.since_s + CARRIED_S, 6.0)
+            told += [_peak(float(time_s), name, -36.0) for time_s in in_hands_s]
         if astray:
             for time_s in np.arange(faults.since_s, times[-1], 25.0):
                 at_s = float(time_s) + chance.uniform(0.0, 20.0)

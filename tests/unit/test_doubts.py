@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from functools import cache
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from command_post.fusion.interface import Doubt
-from command_post.fusion.team.doubts import PRICE, doubts_of
+from command_post.fusion.team.doubts import PRICE, doubts_of, with_one_more
 from command_post.fusion.team.estimates import estimate_of, first_pose
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -19,7 +20,13 @@ from command_post.fusion.team.solution import Held
 from command_post.fusion.team.suspicions import Suspicion
 from command_post.fusion.team.team_tracker import TeamTracker
 from command_post.fusion.team.way_since import Ways
-from shared.messages import OdometryIncrement, RssiPeak
+from shared.messages import (
+    LocalPosition,
+    Message,
+    OdometryIncrement,
+    PositionFix,
+    RssiPeak,
+)
 from shared.units import NS_PER_S
 from tests.patrol_world import Faults, patrol
 from tests.stride_world import START_NS, at_ns, stride, track_start
@@ -149,6 +156,25 @@ def test_a_daps_clock_is_put_right() -> None:
     assert 0.9 < doubt.certainty < 1.0
 
 
+def test_a_clock_far_off_is_put_right_and_no_other_is_doubted_for_it() -> None:
+    found = fused(0, Faults(ahead_s=("r2", 10.0)), lasts_s=150.0)
+    assert found.named_s.keys() == {("clock", "r2")}
+    (doubt,) = found.tracker.doubts
+    assert 9.5 <= float(doubt.words.split()[1]) <= 10.5
+    assert found.mean_m("r2", 130.0) < 1.5
+
+
+def test_a_clock_that_is_further_off_than_was_held_is_held_to_be_so_by_both() -> None:
+    once = Suspicion("clock", "responder", "r2", 0, ahead_s=6.0)
+    more, another = once._replace(ahead_s=2.5), once._replace(node_id="r3")
+    held = (Held(once, 30.0, stood=True), Held(another, 25.0))
+    assert with_one_more(held, Held(more, 28.0)) == (
+        held[1], Held(once._replace(ahead_s=8.5), 58.0, stood=True),
+    )  # fmt: skip
+    moved = Held(Suspicion("moved", "dap", "dap4", 0), 40.0)
+    assert with_one_more(held, moved) == (*held, moved)
+
+
 def test_whose_clock_is_ahead_is_dated_by_the_others() -> None:
     found = fused(1, Faults(since_s=60.0, ahead_s=("r2", 2.0)))
     after = found.tracker.afterwards()
@@ -201,6 +227,49 @@ def test_doubts_leave_no_trace_of_the_order_of_arrival() -> None:
     assert one.daps == other.daps
     for responder_id, track in one.tracks.items():
         assert np.array_equal(track.position_m, other.tracks[responder_id].position_m)
+
+
+def test_who_did_not_begin_where_that_was_said_is_named_and_put_right() -> None:
+    faults = Faults(begins_off_m=("r1", 15.0))
+    found = fused(1, faults, lasts_s=110.0)
+    assert found.named_s.keys() == {("misplaced", "r1")}
+    assert found.named_s["misplaced", "r1"] < 90.0
+    assert max(found.mean_m(each, 90.0) for each in found.off_m) < 1.5
+    assert fused(1, faults, doubting=False, lasts_s=110.0).mean_m("r1", 90.0) > 3.0
+
+
+def test_a_word_far_off_is_named_and_any_other_is_not() -> None:
+    world = patrol(1)
+    words = {100.0: 50.0, 110.0: 2.0}
+    told = [("r2", _word(world.place_m("r2", at_s), at_s, off)) for at_s, off in words.items()]
+    tracker = TeamTracker(TeamSettings())
+    heard = sorted([*world.heard, *told], key=lambda each: (each[1].event_time_ns, each[0]))
+    for node_id, message in heard[: bisect_left(heard, at_ns(160.0), key=_when)]:
+        if isinstance(message, PositionFix):
+            tracker.fix(message)
+        give(tracker, node_id, message)
+    (doubt,) = tracker.doubts
+    assert (doubt.kind, doubt.node_id, doubt.since_ns) == ("misplaced", "r2", at_ns(100.0))
+
+
+def _when(heard: tuple[str, Message]) -> int:
+    return heard[1].event_time_ns
+
+
+def _word(place_m: NDArray[np.float64], time_s: float, off_m: float) -> PositionFix:
+    position = LocalPosition(
+        north_m=place_m[0] + off_m, east_m=place_m[1], down_m=0.0, covariance_m2=(4.0, 0.0, 4.0)
+    )
+    return PositionFix(
+        event_time_ns=at_ns(time_s), sequence=0, responder_id="r2", source="gnss",
+        position=position,
+    )  # fmt: skip
+
+
+def test_what_one_dap_alone_contradicts_is_held_against_nobody_who_passes_it() -> None:
+    found = fused(1, Faults(carried=("dap4", "r3")), lasts_s=250.0)
+    assert {node_id for _, node_id in found.named_s} <= {"dap4"}
+    assert found.mean_m("r3", 150.0) < 1.5
 
 
 def test_no_more_than_a_quarter_of_all_daps_is_doubted() -> None:

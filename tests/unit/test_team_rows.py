@@ -10,11 +10,12 @@ from msgspec import structs
 
 from command_post.fusion.team.assembly import AS_TOLD, UNKNOWN_TURN_SD_RAD, Noise, _moves
 from command_post.fusion.team.chain import Chain, chain_of, straight_moves
-from command_post.fusion.team.graph import FIRST_UNIT, TURN_DOF
+from command_post.fusion.team.graph import FIRST_UNIT, PLACE_DOF, TURN_DOF
 from command_post.fusion.team.height_assembly import LEAST_SD_M, _rises
 from command_post.fusion.team.log import END_OF_TIME_NS, ResponderLog, Start
 from command_post.fusion.team.misfits import _worst_bend, robust_cost
 from command_post.fusion.team.move_log import DOWN, DOWN_M2, EAST, NORTH, PLACE_M2, TURN_RAD2
+from command_post.fusion.team.residuals import longer, off_move, squared_over
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import laid_out
 from command_post.fusion.team.unheard import Unheard
@@ -172,8 +173,16 @@ def test_the_worst_bend_is_the_first_that_costs_most(seed: int) -> None:
     off = np.diff(pose[4:35, 2]) - arrow[move_at[:, 1] + 1] * move[:, 2]
     costs = [robust_cost(each * each, TURN_DOF, 1.0) for each in (off / move[:, 4]).tolist()]
     worst = max(range(30), key=lambda row: costs[row])
-    assert _worst_bend(move, move_at, pose, arrow) == (worst, costs[worst])
-    assert _worst_bend(move[:0], move_at[:0], pose, arrow) == (-1, 0.0)
+    unit_sd = np.tile([0.03, 0.001], 5)
+    leaps = []
+    for row, (node, scale, _) in enumerate(move_at.tolist()):
+        _, _, north_m, east_m = off_move(move, row, pose, node, 1.0 + arrow[scale])
+        sd_m = float(move[row, 3]) * longer(unit_sd, arrow, scale)
+        leaps.append(robust_cost(squared_over(north_m, east_m, sd_m), PLACE_DOF, 2.0))
+    at, cost, leap_cost = _worst_bend(move, move_at, unit_sd, pose, arrow)
+    assert (at, cost) == (worst, costs[worst])
+    assert leap_cost == pytest.approx(max(leaps))
+    assert _worst_bend(move[:0], move_at[:0], unit_sd, pose, arrow) == (-1, 0.0, 0.0)
 
 
 def test_a_way_is_laid_out_as_plain_code_lays_it() -> None:

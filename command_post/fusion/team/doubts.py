@@ -13,21 +13,20 @@ from itertools import islice
 from typing import NamedTuple
 
 from command_post.fusion.interface import Doubt
+from command_post.fusion.team.accusations import Node, against
 from command_post.fusion.team.arithmetic import logarithm
 from command_post.fusion.team.assembly import Noise, assemble
 from command_post.fusion.team.graph import FIRST_UNIT
-from command_post.fusion.team.log import TeamLog
+from command_post.fusion.team.log import ResponderLog, TeamLog
 from command_post.fusion.team.misfits import (
     EXPECTED_COST,
     STANDS_OUT,
     Pass,
-    best_ahead_s,
-    best_since,
-    best_split,
     by_key,
     passes_of,
     scale_off,
     worst_bend,
+    worst_fix,
 )
 from command_post.fusion.team.same_floor import by_floor
 from command_post.fusion.team.settings import TeamSettings
@@ -44,6 +43,7 @@ PRICE: Mapping[SuspicionKind, float] = {
     "swapped": 22.0,
     "renewed": 34.0,
     "scale": 9.4,
+    "misplaced": 18.0,
 }
 """How much cheaper a solution must become: twice the logarithm of how unlikely each is, with what
 its free parameters could explain by chance. What is known of a scale has a heavy tail, of which
@@ -57,15 +57,15 @@ KEPT_SHARE = 0.5
 BETTER_BY = 6.0
 LEAST_MISFIT = 6.0
 MOST_SUSPECTS = 2
-MOST_TRIED_OF_CROWD = 6
+MOST_TRIED_OF_CROWD = 7
 """Of a crew of a large team one node is suspected at a commit, of no more things than this."""
 
-LEAST_PASSES = 3
 FEWEST_TO_ONE = 4
 """Of so many DAPs one may be doubted: who finds most of them wrong is more likely wrong.
 
 And of so many scales, of nobody's who is alone: were most of them free, nothing would tell how
-large the map is, or how blunt radio is here.
+large the map is, or how blunt radio is here. And of so many who were not where that was said: were
+most of them so, it is the DAP that they all passed.
 """
 
 LEAST_SCALE_OFF = 0.1
@@ -77,7 +77,6 @@ ASTRAY_AREA_M2 = 1500.0
 
 TURNS_RAD = tuple(math.radians(each) for each in (0.0, -120.0, -60.0, 60.0, 120.0, 180.0))
 MOST_CERTAIN = 0.99
-MOST_AHEAD_S = 3.0
 
 
 class Verdict(NamedTuple):
@@ -107,19 +106,6 @@ class _Case(NamedTuple):
             return {"dap": MOST_SUSPECTS, "responder": MOST_SUSPECTS}
         number = self.time_ns // round(self.settings.commit_s * NS_PER_S)
         return {"dap": 1} if number % 2 else {"responder": 1}
-
-
-class _Node(NamedTuple):
-    """A node with its passes in the order of time, and how much they cost beyond the usual."""
-
-    role: Role
-    node_id: str
-    passes: list[Pass]
-    misfit: float
-
-    @property
-    def name(self) -> str:
-        return f"{self.role}/{self.node_id}"
 
 
 def examine(
@@ -158,6 +144,7 @@ def _worded(held: Held) -> Iterator[Doubt]:
         "swapped": f"radio swapped with {suspicion.other_id}",
         "renewed": "boot unit changed or turned on the foot",
         "scale": "strides too long or too short",
+        "misplaced": "was not where that was said",
     }[suspicion.kind]
     yield Doubt(
         suspicion.kind, suspicion.role, suspicion.node_id, suspicion.since_ns, words, certainty
@@ -169,16 +156,17 @@ def _worded(held: Held) -> Iterator[Doubt]:
         )  # fmt: skip
 
 
-def _nodes(solved: Solved) -> list[_Node]:
+def _nodes(log: TeamLog, solved: Solved) -> list[Node]:
+    """Return all nodes that are passed, or pass any; ``solved`` is of ``log``."""
     passes = passes_of(solved)
     chains = solved.assembled.chains
     of_dap = by_key([each for each in passes if each.place[0] == "dap"], lambda each: each.place[1])
     of_responder = by_key(passes, lambda each: chains[each.chain].responder_id)
     count, cost = len(passes), math.fsum(each.cost for each in passes)
-    found = [_Node("dap", dap_id, own, _misfit(own, count, cost)) for dap_id, own in of_dap.items()]
+    found = [Node("dap", dap_id, own, _misfit(own, count, cost)) for dap_id, own in of_dap.items()]
     for responder_id, own in of_responder.items():
-        misfit = _misfit(own, count, cost) + _strain(solved, own[0].chain)
-        found.append(_Node("responder", responder_id, own, misfit))
+        misfit = _misfit(own, count, cost) + _strain(log.of(responder_id), solved, own[0].chain)
+        found.append(Node("responder", responder_id, own, misfit))
     return found
 
 
@@ -194,9 +182,14 @@ def _misfit(own: list[Pass], count: int, cost: float) -> float:
     )
 
 
-def _strain(solved: Solved, index: int) -> float:
-    """Return how much a responder's turns, scales and drifts cost beyond the usual."""
-    strain = max(worst_bend(solved, index).cost - STANDS_OUT, 0.0)
+def _strain(own: ResponderLog, solved: Solved, index: int) -> float:
+    """Return how much a responder's turns, scales, drifts and words cost beyond the usual."""
+    bend = worst_bend(solved, index)
+    strain = max(bend.cost - STANDS_OUT, 0.0)
+    if own.fixes:
+        # To where somebody says they are a way may have leapt.
+        strain += max(bend.leap_cost - STANDS_OUT, 0.0)
+    strain += max(worst_fix(solved, index, own)[0] - STANDS_OUT, 0.0)
     for unit in range(len(solved.assembled.chains[index].starts)):
         column = solved.assembled.unit_column(index, unit)
         sd = solved.assembled.graph.unit_sd[column - FIRST_UNIT : column - FIRST_UNIT + 2]
@@ -207,10 +200,10 @@ def _strain(solved: Solved, index: int) -> float:
 
 def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     """Return the verdict with the best of the suspicions against all nodes that stand out."""
-    every = _nodes(verdict.solved)
+    kept = tuple(each.suspicion for each in verdict.held)
+    every = _nodes(supposed(case.log, kept), verdict.solved)
     nodes = [node for node in every if node.misfit > LEAST_MISFIT]
     most_daps = max(1, sum(node.role == "dap" for node in every) // FEWEST_TO_ONE)
-    kept = tuple(each.suspicion for each in verdict.held)
     examined = dict(verdict.examined)
     best: tuple[Solved, Held] | None = None
     for role, most in case.suspects.items():
@@ -227,7 +220,25 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     if best is None or _net(best[1]) < 0.0:
         return verdict._replace(examined=examined)
     # What else stands out may be due to the same, and is looked at again.
-    return Verdict(best[0], (*verdict.held, best[1]), verdict.examined)
+    return Verdict(best[0], with_one_more(verdict.held, best[1]), verdict.examined)
+
+
+def with_one_more(held: tuple[Held, ...], fresh: Held) -> tuple[Held, ...]:
+    """Return what is held with one more; a clock that is further off than was held is so by both.
+
+    Otherwise either would be weighed as if the other were right, and both told.
+    """
+    ahead_s, gain, stood = fresh.suspicion.ahead_s, fresh.gain, fresh.stood
+    alike = [each for each in held if each.suspicion[:3] == fresh.suspicion[:3]]
+    if fresh.suspicion.kind != "clock" or not alike:
+        return (*held, fresh)
+    whole = fresh.suspicion._replace(
+        ahead_s=math.fsum([ahead_s, *(each.suspicion.ahead_s for each in alike)])
+    )
+    whole_gain = math.fsum([gain, *(each.gain for each in alike)])
+    stood = stood or any(each.stood for each in alike)
+    rest = tuple(each for each in held if each not in alike)
+    return (*rest, Held(whole, whole_gain, stood))
 
 
 def _doubted_daps(verdict: Verdict) -> int:
@@ -238,10 +249,10 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
     """Return the verdict with a suspicion that is held weighed again: kept, replaced or dropped."""
     rest = tuple(each for each in verdict.held if each.suspicion != held.suspicion)
     kept = tuple(each.suspicion for each in rest)
-    without = _solved_with(case, verdict.solved, kept, None)
+    without = _solvedwith_one_more(case, verdict.solved, kept, None)
     if without is None:
         return verdict
-    nodes = _nodes(without)
+    nodes = _nodes(supposed(case.log, kept), without)
     suspicion = held.suspicion
     node = next(
         (n for n in nodes if (n.role, n.node_id) == (suspicion.role, suspicion.node_id)), None
@@ -265,17 +276,20 @@ def _net(held: Held) -> float:
 
 
 def _best(
-    case: _Case, solved: Solved, node: _Node, others: list[_Node], kept: tuple[Suspicion, ...]
+    case: _Case, solved: Solved, node: Node, others: list[Node], kept: tuple[Suspicion, ...]
 ) -> tuple[Solved, Held] | None:
     best: tuple[Solved, Held] | None = None
     most = MOST_TRIED_OF_CROWD if case.of_crowd else None
     scales = sum(each.kind == "scale" for each in kept)
+    placed_wrongly = {each.node_id for each in kept if each.kind == "misplaced"} - {node.node_id}
     chains = len(solved.assembled.chains)
     most_scales = max(1, chains // FEWEST_TO_ONE) if chains > 1 else 0
-    for suspicion in islice(_against(solved, node, others), most):
+    for suspicion in islice(against(supposed(case.log, kept), solved, node, others), most):
         if suspicion.kind == "scale" and scales >= most_scales:
             continue
-        tried = _solved_with(case, solved, kept, suspicion)
+        if suspicion.kind == "misplaced" and len(placed_wrongly) >= max(1, most_scales):
+            continue
+        tried = _solvedwith_one_more(case, solved, kept, suspicion)
         if tried is None:
             continue
         held = Held(suspicion, _gain(solved, tried, suspicion, node))
@@ -284,7 +298,7 @@ def _best(
     return best
 
 
-def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: _Node) -> float:
+def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: Node) -> float:
     gain = without.cost - solved.cost
     if suspicion.kind == "scale" and scale_off(solved, node.passes[0].chain) < LEAST_SCALE_OFF:
         return 0.0
@@ -295,61 +309,7 @@ def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: _Node) ->
     return gain
 
 
-def _against(solved: Solved, node: _Node, others: list[_Node]) -> Iterator[Suspicion]:
-    """Say what a node may be suspected of."""
-    since_ns = _between(node.passes, best_since(node.passes))
-    if node.role == "dap":
-        yield from _against_dap(solved, node, since_ns)
-    else:
-        yield from _against_responder(solved, node, others, since_ns)
-
-
-def _against_dap(solved: Solved, node: _Node, since_ns: int) -> Iterator[Suspicion]:
-    first_ns = node.passes[0].time_ns
-    if len(node.passes) < LEAST_PASSES:
-        return
-    split = best_split(node.passes)
-    if split is not None:
-        yield Suspicion("moved", "dap", node.node_id, _between(node.passes, split[0]))
-    # What one responder alone contradicts says more about them.
-    if len({each.chain for each in node.passes if each.cost > STANDS_OUT}) > 1:
-        for time_ns in sorted({first_ns, since_ns}):
-            yield Suspicion("astray", "dap", node.node_id, time_ns)
-    for ahead_s in _clocks_ahead_s(solved, node):
-        yield Suspicion("clock", "dap", node.node_id, first_ns, ahead_s=ahead_s)
-
-
-def _against_responder(
-    solved: Solved, node: _Node, others: list[_Node], since_ns: int
-) -> Iterator[Suspicion]:
-    chain = node.passes[0].chain
-    begin_ns = int(solved.assembled.chains[chain].time_ns[0])
-    yield Suspicion("scale", "responder", node.node_id, begin_ns)
-    for ahead_s in _clocks_ahead_s(solved, node):
-        yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
-    for time_ns in sorted({worst_bend(solved, chain).time_ns, since_ns}):
-        if time_ns > begin_ns:
-            yield Suspicion("renewed", "responder", node.node_id, time_ns)
-    for other in others:
-        if other.role == "responder" and other.node_id != node.node_id:
-            for time_ns in sorted({0, since_ns}):
-                yield Suspicion("swapped", "responder", node.node_id, time_ns, other.node_id)
-
-
-def _clocks_ahead_s(solved: Solved, node: _Node) -> list[float]:
-    """Return by how much a clock may be ahead: as the ways suggest, which bent to it, or twice."""
-    ahead_s = best_ahead_s(solved, node.passes, of_responder=node.role == "responder")
-    return sorted({ahead_s, max(min(2.0 * ahead_s, MOST_AHEAD_S), -MOST_AHEAD_S)})
-
-
-def _between(passes: list[Pass], at: int) -> int:
-    """Return a time between a pass and the one before."""
-    if at == 0:
-        return passes[0].time_ns
-    return (passes[at - 1].time_ns + passes[at].time_ns) // 2
-
-
-def _solved_with(
+def _solvedwith_one_more(
     case: _Case, begin: Solved, kept: tuple[Suspicion, ...], suspicion: Suspicion | None
 ) -> Solved | None:
     """Return the team solved as if all that were right, from ``begin`` and from nothing."""

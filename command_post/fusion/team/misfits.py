@@ -10,8 +10,10 @@ import numpy as np
 
 from command_post.fusion.team.arithmetic import carried, logarithm
 from command_post.fusion.team.graph import LEAD, PLACE_DOF, TURN_DOF, Floats, Ints
+from command_post.fusion.team.log import ResponderLog
+from command_post.fusion.team.residuals import longer, off_move, squared_over
 from command_post.fusion.team.solving import Solved
-from command_post.fusion.team.ties import PlaceId
+from command_post.fusion.team.ties import PlaceId, level_sd_m
 from shared.compiled import compiled
 from shared.units import NS_PER_S
 
@@ -21,7 +23,11 @@ EXPECTED_COST = 3.0
 STANDS_OUT = 9.0
 """As much a residual of a move costs once in fifty at most."""
 
-AHEAD_S = (-3.0, -2.5, -2.0, -1.5, -1.0, 1.0, 1.5, 2.0, 2.5, 3.0)
+AHEAD_S = tuple(
+    sign * each
+    for sign in (-1.0, 1.0)
+    for each in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0)
+)
 
 
 class Pass(NamedTuple):
@@ -77,10 +83,14 @@ def scale_off(solved: Solved, own: int) -> float:
 
 
 class Bend(NamedTuple):
-    """A move that does not go as its unit said, by the time of its end, and what that costs."""
+    """A move that does not turn as its unit said, by the time of its end, and what that costs.
+
+    ``leap_cost`` is what the move costs that does not go where its unit said.
+    """
 
     time_ns: int
     cost: float
+    leap_cost: float
 
 
 def worst_bend(solved: Solved, chain: int) -> Bend:
@@ -88,18 +98,37 @@ def worst_bend(solved: Solved, chain: int) -> Bend:
     graph, assembled = solved.assembled.graph, solved.assembled
     first, end = graph.first[chain : chain + 2].tolist()
     rows = slice(first - chain, end - 1 - chain)
-    at, cost = _worst_bend(graph.move[rows], graph.move_at[rows], solved.pose, solved.arrow)
+    at, cost, leap_cost = _worst_bend(
+        graph.move[rows], graph.move_at[rows], graph.unit_sd, solved.pose, solved.arrow
+    )
     if at < 0:
-        return Bend(0, 0.0)
+        return Bend(0, 0.0, leap_cost)
     one, other = assembled.nodes[chain][at : at + 2].tolist()
     times = assembled.chains[chain].time_ns
-    return Bend((int(times[one]) + int(times[other])) // 2, cost)
+    return Bend((int(times[one]) + int(times[other])) // 2, cost, leap_cost)
+
+
+def worst_fix(solved: Solved, chain: int, own: ResponderLog) -> tuple[float, int]:
+    """Return what the word for a responder's place costs that fits least, and when it was said."""
+    worst = 0.0, 0
+    for fix in own.fixes:
+        if fix.time_ns <= int(solved.assembled.chains[chain].time_ns[-1]):
+            north_m, east_m = place_at(solved, chain, fix.time_ns)
+            off_m = math.hypot(north_m - fix.position.north_m, east_m - fix.position.east_m)
+            squared = (off_m / level_sd_m(fix.position)) ** 2
+            worst = max(worst, (robust_cost(squared, PLACE_DOF, 2.0), fix.time_ns))
+    return worst
 
 
 @compiled
-def _worst_bend(move: Floats, move_at: Ints, pose: Floats, arrow: Floats) -> tuple[int, float]:
-    """Return which of some moves (m, 5) turned worst, the first of those, and what that costs."""
-    worst, most = -1, 0.0
+def _worst_bend(
+    move: Floats, move_at: Ints, unit_sd: Floats, pose: Floats, arrow: Floats
+) -> tuple[int, float, float]:
+    """Return which of some moves (m, 5) turned worst, the first of those, and what that costs.
+
+    And what that costs which went worst.
+    """
+    worst, most, leap = -1, 0.0, 0.0
     for row in range(move_at.shape[0]):
         node, scale, _ = move_at[row]
         turned_rad = pose[node + 1, 2] - pose[node, 2]
@@ -107,7 +136,10 @@ def _worst_bend(move: Floats, move_at: Ints, pose: Floats, arrow: Floats) -> tup
         cost = (TURN_DOF + 1.0) * logarithm(1.0 + off * off / TURN_DOF)
         if cost > most:
             worst, most = row, cost
-    return worst, most
+        _, _, north_m, east_m = off_move(move, row, pose, node, 1.0 + arrow[scale])
+        squared = squared_over(north_m, east_m, move[row, 3] * longer(unit_sd, arrow, scale))
+        leap = max(leap, (PLACE_DOF + 2.0) * logarithm(1.0 + squared / PLACE_DOF))
+    return worst, most, leap
 
 
 def scatter(passes: Sequence[Pass]) -> float:

@@ -7,13 +7,27 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple, TypeAlias, TypeVar
 
-from command_post.fusion.team.log import ANYWHERE, Installed, Peak, ResponderLog, Start, TeamLog
+from msgspec import structs
+
+from command_post.fusion.team.log import (
+    ANYWHERE,
+    END_OF_TIME_NS,
+    Installed,
+    Peak,
+    ResponderLog,
+    Start,
+    TeamLog,
+)
 from shared.topics import Role
 from shared.units import NS_PER_S
 
-SuspicionKind: TypeAlias = Literal["moved", "astray", "clock", "swapped", "renewed", "scale"]
+SuspicionKind: TypeAlias = Literal[
+    "moved", "astray", "clock", "swapped", "renewed", "scale", "misplaced"
+]
 
 UNKNOWN_HEADING_SD_RAD = 100.0
+SPELL_S = 60.0
+"""So long before and after a place that GNSS had wrong it may have had all as wrong."""
 
 _Timed = TypeVar("_Timed", Peak, Installed)
 
@@ -24,7 +38,8 @@ class Suspicion(NamedTuple):
     ``moved``: the DAP stands elsewhere. ``astray``: what the DAP tells means nothing. ``clock``:
     the node's clock is ahead by ``ahead_s``. ``swapped``: the radios of a responder and of
     ``other_id`` go by one another's name. ``renewed``: the responder's boot unit began anew and did
-    not say so. ``scale``: its strides are too long or too short.
+    not say so. ``scale``: its strides are too long or too short. ``misplaced``: it is not
+    true where somebody said then that the responder was.
     """
 
     kind: SuspicionKind
@@ -167,6 +182,33 @@ def _put_starts(log: TeamLog, responder_id: str, own: ResponderLog, starts: list
     log.responders[responder_id] = replace(own, starts=sorted(starts, key=lambda each: each[:2]))
 
 
+def _unplace(log: TeamLog, suspicion: Suspicion) -> None:
+    """Forget where a responder was said to be then, and what each start said before they moved.
+
+    And what GNSS said about then: a facade that reflects throws it off for as long as one is by.
+    """
+    own, since_ns = log.of(suspicion.node_id), suspicion.since_ns
+    ends_ns = own.moves.until(END_OF_TIME_NS).end_ns
+    after = int(ends_ns.searchsorted(since_ns, side="right"))
+    until_ns = int(ends_ns[after]) if after < ends_ns.size else END_OF_TIME_NS
+    starts = [
+        each._replace(position=structs.replace(each.position, covariance_m2=ANYWHERE.covariance_m2))
+        if each.position and each.down_sd_m is None and since_ns <= each.time_ns < until_ns
+        else each
+        for each in own.starts
+    ]
+    is_gnss = any(each.source == "gnss" and each.time_ns == since_ns for each in own.fixes)
+    fixes = [
+        each
+        for each in own.fixes
+        if each.time_ns != since_ns
+        and not (
+            is_gnss and each.source == "gnss" and abs(each.time_ns - since_ns) < SPELL_S * NS_PER_S
+        )
+    ]
+    log.responders[suspicion.node_id] = replace(own, starts=starts, fixes=fixes)
+
+
 _SUPPOSE: dict[SuspicionKind, Callable[[TeamLog, Suspicion], None]] = {
     "moved": _set_down_again,
     "astray": _withdraw,
@@ -174,4 +216,5 @@ _SUPPOSE: dict[SuspicionKind, Callable[[TeamLog, Suspicion], None]] = {
     "swapped": _swap,
     "renewed": _begin_anew,
     "scale": _loosen,
+    "misplaced": _unplace,
 }
