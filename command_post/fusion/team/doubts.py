@@ -249,7 +249,7 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
     """Return the verdict with a suspicion that is held weighed again: kept, replaced or dropped."""
     rest = tuple(each for each in verdict.held if each.suspicion != held.suspicion)
     kept = tuple(each.suspicion for each in rest)
-    without = _solvedwith_one_more(case, verdict.solved, kept, None)
+    without = _solved_with(case, verdict.solved, kept, None)
     if without is None:
         return verdict
     nodes = _nodes(supposed(case.log, kept), without)
@@ -289,7 +289,7 @@ def _best(
             continue
         if suspicion.kind == "misplaced" and len(placed_wrongly) >= max(1, most_scales):
             continue
-        tried = _solvedwith_one_more(case, solved, kept, suspicion)
+        tried = _solved_with(case, solved, kept, suspicion)
         if tried is None:
             continue
         held = Held(suspicion, _gain(solved, tried, suspicion, node))
@@ -309,7 +309,7 @@ def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: Node) -> 
     return gain
 
 
-def _solvedwith_one_more(
+def _solved_with(
     case: _Case, begin: Solved, kept: tuple[Suspicion, ...], suspicion: Suspicion | None
 ) -> Solved | None:
     """Return the team solved as if all that were right, from ``begin`` and from nothing."""
