@@ -17,7 +17,7 @@ app = App(
     name="command-post",
     help="""Know where everybody is: hear them, fuse what they say, record it, replay it.
 
-    Example: command-post demo --speed 10
+    Example: command-post demo --speed 5
     """,
     version_flags=["--version"],
 )

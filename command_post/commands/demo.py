@@ -39,7 +39,7 @@ def demo(
     """Run a simulated incident, every node its own process, and score it.
 
     Leaves a recording, a picture of the tracks and each process's log in the output folder.
-    Example: command-post demo --speed 10
+    Example: command-post demo --speed 5
 
     Parameters
     ----------
