@@ -16,7 +16,7 @@ from command_post.fusion.team.assembly import (
     assemble,
 )
 from command_post.fusion.team.axis import directions, likely_axis, told_by_legs, witnesses
-from command_post.fusion.team.axis_choice import best_of, rivals_of, worth_of
+from command_post.fusion.team.axis_choice import MOST_WORTH, best_of, rivals_of, worth_of
 from command_post.fusion.team.chain import UnitName, turn_known
 from command_post.fusion.team.graph import AXIS
 from command_post.fusion.team.log import TeamLog
@@ -282,7 +282,9 @@ def _best(trials: list[Solved], held: AxisBelief, settings: TeamSettings) -> Sol
         for tried in trials
     ]
     alone = len(trials[0].assembled.chains) == 1
-    worth = worth_of(trials[0].ends[:, 3].tolist(), trials[-1].ends[:, 3].tolist())
+    # Of who is alone nobody else's heading tells theirs.
+    turn_rad2 = [tried.ends[:, 3].tolist() for tried in (trials[0], trials[-1])]
+    worth = MOST_WORTH if alone else worth_of(*turn_rad2)
     chosen = best_of(beliefs, costs, held, settings.adopt_gain, worth=worth, alone=alone)
     best = trials[chosen]
     return best._replace(belief=best.belief._replace(rivals=rivals_of(beliefs, costs, best.belief)))
