@@ -95,7 +95,7 @@ def main() -> int:
     parser.add_argument("--at-once", action="store_true")
     given = parser.parse_args()
     if given.at_once:
-        lines.AT_ONCE_WORK = sys.maxsize
+        lines.AT_ONCE_WORK = lines.CROWD_WORK = sys.maxsize
     took = one_is_late(given.responders, given.minutes, given.late, given.after)
     print(json.dumps({name: each._asdict() for name, each in took.items()}), flush=True)  # noqa: T201
     return 0

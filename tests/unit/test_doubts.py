@@ -12,7 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 from command_post.fusion.interface import Doubt
-from command_post.fusion.team.doubts import PRICE, doubts_of, with_one_more
+from command_post.fusion.team.doubt_words import doubts_of
+from command_post.fusion.team.doubts import (
+    MOST_TRIED_OF_CROWD,
+    PRICE,
+    tried_of_crowd,
+    with_one_more,
+)
 from command_post.fusion.team.estimates import estimate_of, first_pose
 from command_post.fusion.team.log import TeamLog
 from command_post.fusion.team.settings import TeamSettings
@@ -202,6 +208,13 @@ def test_what_is_hardly_likelier_is_told_once_it_has_stood() -> None:
     for held in (Held(suspicion, hardly, stood=True), Held(suspicion, surely)):
         (doubt,) = doubts_of((held,))
         assert (doubt.kind, doubt.node_id) == ("moved", "dap4")
+
+
+def test_of_a_crowd_all_else_that_may_be_is_tried_by_turns_beside_what_is_held() -> None:
+    at_once = tried_of_crowd(7, again=False)
+    by_turns = [at for number in range(8, 12) for at in tried_of_crowd(number, again=True)]
+    assert len(at_once) == MOST_TRIED_OF_CROWD
+    assert sorted(by_turns) == list(at_once)
 
 
 def test_who_is_doubted_says_so_in_the_estimate() -> None:

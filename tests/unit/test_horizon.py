@@ -122,7 +122,8 @@ def test_who_is_late_within_what_is_allowed_leaves_no_trace(
     for name in ("KEPT", "KEPT_OF_A_CROWD", "KEYFRAME_EVERY"):
         monkeypatch.setattr(commits, name, 3)
     for crew_most, at_once in ((3, False), (1, False), (1, True)):
-        monkeypatch.setattr(lines, "AT_ONCE_WORK", 10_000 if at_once else 0)
+        for name, least in (("AT_ONCE_WORK", 0), ("CROWD_WORK", 1)):
+            monkeypatch.setattr(lines, name, 10_000 if at_once else least)
         monkeypatch.setattr(lines, "TICK_WORK", 1)
         team = structs.replace(TEAM, crew_most=crew_most, anchor_s=20.0)
         settings = IncidentSettings(fusion=FusionSettings(team=team))

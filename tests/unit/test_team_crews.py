@@ -11,7 +11,7 @@ import pytest
 from msgspec import structs
 
 from command_post.fusion.interface import Afterwards
-from command_post.fusion.team import making
+from command_post.fusion.team import lines, making
 from command_post.fusion.team.alone import commit_of_crowd
 from command_post.fusion.team.crews import EVERYBODY, Bonds, crews_at
 from command_post.fusion.team.log import ANYWHERE, Installed, TeamLog
@@ -151,6 +151,8 @@ def test_a_late_event_has_only_its_own_crew_solved_again(
     said: list[Said], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solved: list[tuple[int, tuple[str, ...]]] = []
+    # Three commits of its own crew are made at once, of all crews they would not be.
+    monkeypatch.setattr(lines, "CROWD_WORK", 9)
     tracker = TeamTracker(SETTINGS)
     given = [each for each in said if each.message.event_time_ns < START_NS + 45 * NS_PER_S]
     after(tracker, given)
@@ -170,3 +172,4 @@ def test_a_late_event_has_only_its_own_crew_solved_again(
     again = {crew for time_ns, crew in solved if time_ns <= last_ns}
     assert again == {("r2-0", "r2-1", "r2-2")}
     assert len({crew for _, crew in solved}) == 3
+    assert len(solved) == len(set(solved))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from command_post.fusion.dap_map import InstalledDap
@@ -27,6 +27,7 @@ from command_post.fusion.team.culprits import made_without
 from command_post.fusion.team.dap_places import places_of
 from command_post.fusion.team.log import Installed, TeamLog
 from command_post.fusion.team.making import Commit, Fresh, solved_crew
+from command_post.fusion.team.period import Period
 from command_post.fusion.team.settings import TeamSettings
 from command_post.fusion.team.solution import (
     NO_WAYS,
@@ -56,27 +57,6 @@ class _Made(NamedTuple):
     fresh: Fresh
 
 
-@dataclass
-class _Period:
-    """A period's crews, their commits by leader, and who is to be looked at when, last first."""
-
-    crews: Crews
-    to_do: list[tuple[int, Crew]]
-    commits: dict[str, Commit] = field(default_factory=dict)
-
-    def of(self, crew: Crew) -> list[Commit]:
-        """Return the commits that have any of a crew's members, by rank."""
-        if self.crews.is_everybody:
-            return list(self.commits.values())
-        leaders = {self.crews.leader_of.get(member) for member in crew.members}
-        found = [made for leader, made in self.commits.items() if leader in leaders]
-        return sorted(found, key=lambda made: made.crew.rank)
-
-    def teller(self, dap_id: str) -> Commit | None:
-        """Return the commit of the crew that had set down a DAP."""
-        return self.commits.get(self.crews.owner.get(dap_id, ""))
-
-
 class Commits:
     """The commits of all crews: each at its phase of every period that follows one with events.
 
@@ -89,7 +69,7 @@ class Commits:
         self._settings = settings
         self._period_ns = round(settings.commit_s * NS_PER_S)
         self._numbers: list[int] = []
-        self._periods: dict[int, _Period] = {}
+        self._periods: dict[int, Period] = {}
         self._crews: dict[int, Crews] = {}
         self._first = 0
         self._kept_since = 0
@@ -136,11 +116,24 @@ class Commits:
         """When the first period begins whose commits are not all made."""
         return self.begin_ns(self._first)
 
-    def work_since(self, time_ns: int) -> int:
-        """Return how much it would be to make all commits anew since then, at most."""
-        number = self.number_at(self.until_ns)
-        periods = max(number - self.number_at(time_ns), 0)
-        return periods * sum(crew.work for crew in self.crews(number).crews) if periods else 0
+    def work_since(self, time_ns: int, who: frozenset[str], *, bonds: bool) -> int:
+        """Return how much it would be to make anew what an event makes wrong: see ``forget``."""
+        number, since = self.number_at(self.until_ns), self.number_at(time_ns)
+        crews = self.crews(number)
+        if bonds or crews.is_everybody:
+            periods = max(number - since, 0)
+            return periods * sum(crew.work for crew in crews.crews) if periods else 0
+        work, wrong = 0, set[int]()
+        for at in sorted(n for n in self._periods if n >= since):
+            for made in self._periods[at].resting_on(time_ns, who, wrong):
+                wrong.add(made.serial)
+                work += made.crew.work
+        return work
+
+    @property
+    def is_crowd(self) -> bool:
+        """Whether there are several crews by now."""
+        return not self.crews(self.number_at(self.until_ns)).is_everybody
 
     def number_at(self, time_ns: int) -> int:
         """Return the number of the period that ``time_ns`` is in."""
@@ -205,12 +198,8 @@ class Commits:
         period.crews = self.crews(number)
         period.to_do = self._agenda(number)
         still = {crew.leader: crew for crew in period.crews.crews}
-        begin_ns = self.begin_ns(number)
         for leader, made in tuple(period.commits.items()):
-            concerned = made.crew.is_everybody or not who.isdisjoint(made.crew.members)
-            if still.get(leader) != made.crew or (
-                concerned and begin_ns + made.crew.phase_ns >= time_ns
-            ):
+            if still.get(leader) != made.crew or period.lacks(made, time_ns, who):
                 del period.commits[leader]
 
     def _agenda(self, number: int) -> list[tuple[int, Crew]]:
@@ -229,7 +218,9 @@ class Commits:
             if self.begin_ns(number) > until_ns:
                 break
             if number not in self._periods:
-                self._periods[number] = _Period(self.crews(number), self._agenda(number))
+                self._periods[number] = Period(
+                    self.begin_ns(number), self.crews(number), self._agenda(number)
+                )
             period = self._periods[number]
             while period.to_do and period.to_do[-1][0] <= until_ns:
                 if most_work is not None and work >= most_work:
@@ -305,7 +296,7 @@ class Commits:
         period = self._last_before(number)
         return [] if period is None else period.of(crew)
 
-    def _last_before(self, number: int) -> _Period | None:
+    def _last_before(self, number: int) -> Period | None:
         at = bisect_left(self._numbers, number)
         while at and self._numbers[at - 1] not in self._periods:
             at -= 1

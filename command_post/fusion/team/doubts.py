@@ -8,11 +8,11 @@ than such a thing is unlikely beforehand. It is held while it goes on to explain
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Mapping
 from itertools import islice
 from typing import NamedTuple
 
-from command_post.fusion.interface import Doubt
 from command_post.fusion.team.accusations import Node, against
 from command_post.fusion.team.arithmetic import logarithm
 from command_post.fusion.team.assembly import Noise, assemble
@@ -49,16 +49,14 @@ PRICE: Mapping[SuspicionKind, float] = {
 its free parameters could explain by chance. What is known of a scale has a heavy tail, of which
 strides a seventh too long cost as much as that of ``scale``."""
 
-SURE_BY = 9.0
-"""What explains by so much more than its price is told at once: odds of ninety to one. The rest is
-heeded, and told once it has stood against what was passed since."""
-
 KEPT_SHARE = 0.5
 BETTER_BY = 6.0
 LEAST_MISFIT = 6.0
 MOST_SUSPECTS = 2
-MOST_TRIED_OF_CROWD = 7
-"""Of a crew of a large team one node is suspected at a commit, of no more things than this."""
+MOST_TRIED_OF_CROWD = 8
+MOST_TRIED_AGAIN = 2
+"""Of a crew of a large team one node is suspected at a commit, of no more things than the first
+says; what may be instead of what is held is tried by turns, so many at a commit."""
 
 FEWEST_TO_ONE = 4
 """Of so many DAPs one may be doubted: who finds most of them wrong is more likely wrong.
@@ -76,7 +74,6 @@ ASTRAY_AREA_M2 = 1500.0
 """Over so much ground are passes spread that mean nothing."""
 
 TURNS_RAD = tuple(math.radians(each) for each in (0.0, -120.0, -60.0, 60.0, 120.0, 180.0))
-MOST_CERTAIN = 0.99
 
 
 class Verdict(NamedTuple):
@@ -104,8 +101,23 @@ class _Case(NamedTuple):
         """How many nodes may be suspected now, by role: of a crowd one, the roles by turns."""
         if not self.of_crowd:
             return {"dap": MOST_SUSPECTS, "responder": MOST_SUSPECTS}
-        number = self.time_ns // round(self.settings.commit_s * NS_PER_S)
-        return {"dap": 1} if number % 2 else {"responder": 1}
+        return {"dap": 1} if self.number % 2 else {"responder": 1}
+
+    @property
+    def number(self) -> int:
+        """Which commit it is."""
+        return self.time_ns // round(self.settings.commit_s * NS_PER_S)
+
+
+def tried_of_crowd(number: int, *, again: bool) -> range:
+    """Return which of all suspicions against a node are tried at a commit of a crowd's crew.
+
+    ``again``: beside the one that is held.
+    """
+    if not again:
+        return range(MOST_TRIED_OF_CROWD)
+    first = number * MOST_TRIED_AGAIN % MOST_TRIED_OF_CROWD
+    return range(first, first + MOST_TRIED_AGAIN)
 
 
 def examine(
@@ -124,36 +136,6 @@ def examine(
     for held in before.held:
         verdict = _reviewed(case, verdict, held)
     return _suspected(case, verdict)
-
-
-def doubts_of(held: tuple[Held, ...]) -> tuple[Doubt, ...]:
-    """Return in words what is surely held against nodes, of either of two that are mistaken."""
-    sure = (each for each in held if each.stood or _net(each) > SURE_BY)
-    return tuple(doubt for each in sure for doubt in _worded(each))
-
-
-def _worded(held: Held) -> Iterator[Doubt]:
-    suspicion = held.suspicion
-    odds = math.exp(min(0.5 * (held.gain - PRICE[suspicion.kind]), 50.0))
-    certainty = min(odds / (1.0 + odds), MOST_CERTAIN)
-    ahead_s = suspicion.ahead_s
-    words = {
-        "moved": "has been moved: it is passed elsewhere",
-        "astray": "jammed or replayed: what it tells fits nobody, and is not used",
-        "clock": f"clock {abs(ahead_s):.1f} s {'ahead' if ahead_s > 0.0 else 'behind'}",
-        "swapped": f"radio swapped with {suspicion.other_id}",
-        "renewed": "boot unit changed or turned on the foot",
-        "scale": "strides too long or too short",
-        "misplaced": "was not where that was said",
-    }[suspicion.kind]
-    yield Doubt(
-        suspicion.kind, suspicion.role, suspicion.node_id, suspicion.since_ns, words, certainty
-    )
-    if suspicion.kind == "swapped":
-        yield Doubt(
-            suspicion.kind, suspicion.role, suspicion.other_id, suspicion.since_ns,
-            f"radio swapped with {suspicion.node_id}", certainty,
-        )  # fmt: skip
 
 
 def _nodes(log: TeamLog, solved: Solved) -> list[Node]:
@@ -262,7 +244,7 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
         return verdict
     examined = {**verdict.examined, mark: len(node.passes)}
     gain = _gain(without, verdict.solved, suspicion, node)
-    best = _best(case, without, node, nodes, kept)
+    best = _best(case, without, node, nodes, kept, again=True)
     if best is not None and _net(best[1]) > max(gain - PRICE[suspicion.kind] + BETTER_BY, 0.0):
         return Verdict(best[0], (*rest, best[1]), examined)
     if gain < KEPT_SHARE * PRICE[suspicion.kind]:
@@ -276,15 +258,17 @@ def _net(held: Held) -> float:
 
 
 def _best(
-    case: _Case, solved: Solved, node: Node, others: list[Node], kept: tuple[Suspicion, ...]
-) -> tuple[Solved, Held] | None:
+    case: _Case, solved: Solved, node: Node, others: list[Node], kept: tuple[Suspicion, ...],
+    *, again: bool = False,
+) -> tuple[Solved, Held] | None:  # fmt: skip
     best: tuple[Solved, Held] | None = None
-    most = MOST_TRIED_OF_CROWD if case.of_crowd else None
+    which = tried_of_crowd(case.number, again=again) if case.of_crowd else range(sys.maxsize)
     scales = sum(each.kind == "scale" for each in kept)
     placed_wrongly = {each.node_id for each in kept if each.kind == "misplaced"} - {node.node_id}
     chains = len(solved.assembled.chains)
     most_scales = max(1, chains // FEWEST_TO_ONE) if chains > 1 else 0
-    for suspicion in islice(against(supposed(case.log, kept), solved, node, others), most):
+    suspicions = against(supposed(case.log, kept), solved, node, others)
+    for suspicion in islice(suspicions, which.start, which.stop):
         if suspicion.kind == "scale" and scales >= most_scales:
             continue
         if suspicion.kind == "misplaced" and len(placed_wrongly) >= max(1, most_scales):

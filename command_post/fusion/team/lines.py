@@ -23,6 +23,9 @@ AT_ONCE_WORK = 288
 TICK_WORK = 96
 """So much, or a single commit, at a tick."""
 
+CROWD_WORK = 32
+"""So much of a crowd's, two commits of a crew, at once as at a tick: they have several a second."""
+
 
 class _Late(NamedTuple):
     """What came late: when it happened, whom it concerns, and whether it may change the crews."""
@@ -54,7 +57,7 @@ class Lines:
     def forget(self, time_ns: int, who: frozenset[str], *, bonds: bool) -> None:
         """Have made anew, now or by and by, what an event at ``time_ns`` makes wrong."""
         late = _Late(time_ns, who, bonds)
-        if self.live.work_since(time_ns) <= AT_ONCE_WORK:
+        if self.live.work_since(time_ns, who, bonds=bonds) <= self._most(AT_ONCE_WORK):
             self.live.forget(time_ns, who, bonds=bonds)
             if self._anew is not None:
                 self._anew.forget(time_ns, who, bonds=bonds)
@@ -71,7 +74,7 @@ class Lines:
         made_ns = self.live.made_until_ns
         self.live.catch_up(until_ns)
         # Both at one tick would be a long wait.
-        return self.live.made_until_ns == made_ns and self._go_on(until_ns, TICK_WORK)
+        return self.live.made_until_ns == made_ns and self._go_on(until_ns, self._most(TICK_WORK))
 
     def settle(self, until_ns: int) -> None:
         """Make all that is to be made anew."""
@@ -86,6 +89,9 @@ class Lines:
             return None
         needed_ns = min((late.time_ns for late in self._waiting), default=self._unneeded_ns)
         return self.live.forget_before(min(self._unneeded_ns, needed_ns))
+
+    def _most(self, work: int) -> int:
+        return min(work, CROWD_WORK) if self.live.is_crowd else work
 
     def _begin(self, several: list[_Late]) -> None:
         self._anew = self._anew or self.live.copied()

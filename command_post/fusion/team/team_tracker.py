@@ -20,7 +20,7 @@ from command_post.fusion.team.begun import begin
 from command_post.fusion.team.commits import Commits
 from command_post.fusion.team.crews import Bonds, Crew
 from command_post.fusion.team.dap_places import apart_m, daps_of
-from command_post.fusion.team.doubts import doubts_of
+from command_post.fusion.team.doubt_words import doubts_of
 from command_post.fusion.team.forgetting import forget
 from command_post.fusion.team.height_assembly import solve_heights
 from command_post.fusion.team.lines import Lines
