@@ -70,9 +70,10 @@ def _against_responder(
     for time_ns in sorted(_doubtful_words(log.of(node.node_id), solved, chain)):
         yield Suspicion("misplaced", "responder", node.node_id, time_ns)
     yield Suspicion("scale", "responder", node.node_id, begin_ns)
-    # What one DAP alone contradicts says more about it.
+    # What one DAP alone contradicts says more about it, if others were passed.
+    passed = {each.place[:2] for each in node.passes}
     stand_out = {each.place[:2] for each in node.passes if each.cost > STANDS_OUT}
-    if len(stand_out) == 1 and worst_bend(solved, chain).cost <= STANDS_OUT:
+    if len(stand_out) == 1 < len(passed) and worst_bend(solved, chain).cost <= STANDS_OUT:
         return
     for ahead_s in _clocks_ahead_s(solved, node):
         yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
