@@ -86,4 +86,5 @@ def test_an_axis_does_not_tell_a_new_unit_which_of_four_ways_it_goes(
         assert each.is_held_likely
     for each in long_after:
         assert each.estimate.status == "tracking"
+        assert each.estimate.reason == ""
         assert each.error_m < 2.0

@@ -37,8 +37,9 @@ def commit_of_crowd(
         time_ns, len(found.assembled.chains), settings.turned_of_crowd, settings
     ):
         own = alone(found, index, settings)
-        if with_other_headings(own, 0, settings) is not own:
-            found = with_other_headings(found, index, settings)
+        known = before.belief.units
+        if with_other_headings(own, 0, known, settings) is not own:
+            found = with_other_headings(found, index, known, settings)
     return found
 
 

@@ -148,7 +148,7 @@ def commit(log: TeamLog, time_ns: int, before: Solution, settings: TeamSettings)
     if found is not None:
         most = settings.turned_a_commit
         for chain in turned_at(time_ns, len(found.assembled.chains), most, settings):
-            found = with_other_headings(found, chain, settings)
+            found = with_other_headings(found, chain, before.belief.units, settings)
     return found
 
 
@@ -340,10 +340,13 @@ def _belief_cost(tried: Solved, settings: TeamSettings) -> float:
     return cost + FREE_AXIS_COST + FREE_AXIS_DENSITY_COST
 
 
-def with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> Solved:
+def with_other_headings(
+    found: Solved, chain: int, known: frozenset[UnitName], settings: TeamSettings
+) -> Solved:
     """Return the best of the solution and those with one responder's way turned as a whole.
 
-    Of one whose unit began anew, its way since then is turned as well, until that is known.
+    Of one whose unit began anew, its way since then is turned as well, unless it is one of those
+    ``known`` before: where it is held to an axis for the first time, that may be the wrong way.
 
     It is ``found`` itself that comes back if no other is better.
     """
@@ -351,10 +354,10 @@ def with_other_headings(found: Solved, chain: int, settings: TeamSettings) -> So
     if len(assembled.nodes[chain]) < LEAST_NODES:
         return found
     own = assembled.chains[chain]
-    known = turn_known(own.starts[0])
-    trials = [(0, turn_rad) for turn_rad in (KNOWN_TURNS_RAD if known else UNKNOWN_TURNS_RAD)]
+    turns_rad = KNOWN_TURNS_RAD if turn_known(own.starts[0]) else UNKNOWN_TURNS_RAD
+    trials = [(0, turn_rad) for turn_rad in turns_rad]
     unit = int(own.unit[-1])
-    if unit and not turn_known(own.starts[unit]) and own.last_unit_name not in found.belief.units:
+    if unit and not turn_known(own.starts[unit]) and own.last_unit_name not in known:
         trials += [(unit, turn_rad) for turn_rad in UNKNOWN_TURNS_RAD]
     best = found
     for since, turn_rad in trials:
