@@ -283,7 +283,9 @@ def acknowledged(journal: Path) -> int:
 
 
 def _read(journal: Path, query: str) -> list[Any]:
-    """Return what ``query`` finds; nothing in a file that its node is only just making."""
+    """Return what ``query`` finds; nothing in a file that its node is only just making, or will."""
+    if not journal.exists():
+        return []
     connection = sqlite3.connect(f"file:{journal}?mode=ro", uri=True)
     try:
         made = connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'message'").fetchall()
