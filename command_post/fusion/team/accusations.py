@@ -73,11 +73,12 @@ def _against_responder(
     # What one DAP alone contradicts says more about it, if others were passed.
     passed = {each.place[:2] for each in node.passes}
     stand_out = {each.place[:2] for each in node.passes if each.cost > STANDS_OUT}
-    if len(stand_out) == 1 < len(passed) and worst_bend(solved, chain).cost <= STANDS_OUT:
+    bend = worst_bend(solved, chain)
+    if len(stand_out) == 1 < len(passed) and bend.cost <= STANDS_OUT:
         return
     for ahead_s in _clocks_ahead_s(solved, node):
         yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
-    for time_ns in sorted({worst_bend(solved, chain).time_ns, since_ns}):
+    for time_ns in sorted({bend.time_ns, since_ns}):
         if time_ns > begin_ns:
             yield Suspicion("renewed", "responder", node.node_id, time_ns)
     for other in others:

@@ -53,7 +53,7 @@ def alone(found: Solved, index: int, settings: TeamSettings) -> Solved:
     chain, nodes = assembled.chains[index], assembled.nodes[index]
     first, end = whole.first[index : index + 2].tolist()
     units = len(chain.starts)
-    ties = slice(*np.searchsorted(whole.tie_at[:, 0], [first, end]).tolist())
+    ties = own_ties(found, index)
     base = assembled.place_column(0)
     passed = np.unique((whole.tie_at[ties, 1] - base) // 2)
     own_arrow = _own_columns(assembled, index, units, passed)
@@ -67,17 +67,13 @@ def alone(found: Solved, index: int, settings: TeamSettings) -> Solved:
     ends = np.array([0, end - first])
     columns, columns_first, width = with_columns(ends, move_at, tie_at, own_arrow.size)
     unit_sd = whole.unit_sd[2 * assembled.unit_first[index] :][: 2 * units]
-    axis, lead = (
-        np.array([found.arrow[each], max(float(found.shared[each, each]) ** 0.5, 1e-3)])
-        for each in (AXIS, LEAD)
-    )
-    axis = np.append(axis, whole.axis[2])
+    axis, lead = axis_and_lead(found)
     graph = Graph(
         ends, columns, columns_first, width,
         whole.move[first - index : end - 1 - index], move_at, whole.tie[ties], tie_at,
         whole.fix[fixes], whole.fix_at[fixes] - first, whole.turn[turns],
         whole.turn_at[turns] - first, whole.straight[straights],
-        whole.straight_at[straights] - (first - index), _places(found, passed, ties, base),
+        whole.straight_at[straights] - (first - index), places_by_others(found, ties)[passed],
         unit_sd, axis, lead,
     )  # fmt: skip
     by = [0 if assembled.installed_by[place] == index else -1 for place in passed.tolist()]
@@ -98,15 +94,31 @@ def _own_columns(assembled: Assembled, index: int, units: int, passed: Ints) -> 
     return np.concatenate([[AXIS, LEAD], unit, np.column_stack([place, place + 1]).ravel()])
 
 
-def _places(found: Solved, passed: Ints, own: slice, base: int) -> Floats:
-    """Return what is known of places apart from a chain's ``own`` ties: rows of ``Graph.place``."""
+def own_ties(found: Solved, index: int) -> slice:
+    """Return which ties of the graph are those of the chain at ``index``."""
     graph = found.assembled.graph
+    of_chain = np.searchsorted(graph.tie_at[:, 0], graph.first[index : index + 2])
+    return slice(*of_chain.tolist())
+
+
+def axis_and_lead(found: Solved) -> tuple[Floats, Floats]:
+    """Return ``Graph.axis`` and ``Graph.lead`` that say of both what was found of them."""
+    axis, lead = (
+        np.array([found.arrow[each], max(float(found.shared[each, each]) ** 0.5, 1e-3)])
+        for each in (AXIS, LEAD)
+    )
+    return np.append(axis, found.assembled.graph.axis[2]), lead
+
+
+def places_by_others(found: Solved, own: slice) -> Floats:
+    """Return what is known of places apart from a chain's ``own`` ties: rows of ``Graph.place``."""
+    graph, base = found.assembled.graph, found.assembled.place_column(0)
     count = len(graph.place)
-    every = np.bincount((graph.tie_at[:, 1] - base) // 2, minlength=count)[passed]
-    others = every - np.bincount((graph.tie_at[own, 1] - base) // 2, minlength=count)[passed]
-    rows = graph.place[passed].copy()
-    known = (others > 0) & (rows[:, 2] >= UNKNOWN_SD_M)
-    column = base + 2 * passed[known]
+    every = np.bincount((graph.tie_at[:, 1] - base) // 2, minlength=count)
+    others = every - np.bincount((graph.tie_at[own, 1] - base) // 2, minlength=count)
+    rows = graph.place.copy()
+    known = np.flatnonzero((others > 0) & (rows[:, 2] >= UNKNOWN_SD_M))
+    column = base + 2 * known
     variance = 0.5 * (found.shared[column, column] + found.shared[column + 1, column + 1])
     rows[known, 0] = found.arrow[column]
     rows[known, 1] = found.arrow[column + 1]

@@ -29,8 +29,9 @@ from command_post.fusion.team.misfits import (
     worst_fix,
 )
 from command_post.fusion.team.same_floor import by_floor
+from command_post.fusion.team.screening import TURNS_RAD, Screen, starts_turned
 from command_post.fusion.team.settings import TeamSettings
-from command_post.fusion.team.solution import NOTHING, Held, Solution, begin_from, laid_out
+from command_post.fusion.team.solution import NOTHING, Held, Solution, begin_from
 from command_post.fusion.team.solving import Solved, solve, solved_from
 from command_post.fusion.team.suspicions import Suspicion, SuspicionKind, supposed
 from shared.topics import Role
@@ -72,8 +73,6 @@ LEAST_SCALE_OFF = 0.1
 TIMES_THE_REST = 3.0
 ASTRAY_AREA_M2 = 1500.0
 """Over so much ground are passes spread that mean nothing."""
-
-TURNS_RAD = tuple(math.radians(each) for each in (0.0, -120.0, -60.0, 60.0, 120.0, 180.0))
 
 
 class Verdict(NamedTuple):
@@ -183,7 +182,8 @@ def _strain(own: ResponderLog, solved: Solved, index: int) -> float:
 def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     """Return the verdict with the best of the suspicions against all nodes that stand out."""
     kept = tuple(each.suspicion for each in verdict.held)
-    every = _nodes(supposed(case.log, kept), verdict.solved)
+    log = supposed(case.log, kept)
+    every = _nodes(log, verdict.solved)
     nodes = [node for node in every if node.misfit > LEAST_MISFIT]
     most_daps = max(1, sum(node.role == "dap" for node in every) // FEWEST_TO_ONE)
     examined = dict(verdict.examined)
@@ -196,7 +196,7 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
             if examined.get(node.name) == len(node.passes):
                 continue
             examined[node.name] = len(node.passes)
-            found = _best(case, verdict.solved, node, of_role, kept)
+            found = _best(case, log, verdict.solved, node, of_role, kept)
             if found is not None and (best is None or _net(found[1]) > _net(best[1])):
                 best = found
     if best is None or _net(best[1]) < 0.0:
@@ -234,7 +234,8 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
     without = _solved_with(case, verdict.solved, kept, None)
     if without is None:
         return verdict
-    nodes = _nodes(supposed(case.log, kept), without)
+    log = supposed(case.log, kept)
+    nodes = _nodes(log, without)
     suspicion = held.suspicion
     node = next(
         (n for n in nodes if (n.role, n.node_id) == (suspicion.role, suspicion.node_id)), None
@@ -244,7 +245,7 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
         return verdict
     examined = {**verdict.examined, mark: len(node.passes)}
     gain = _gain(without, verdict.solved, suspicion, node)
-    best = _best(case, without, node, nodes, kept, again=True)
+    best = _best(case, log, without, node, nodes, kept, again=True)
     if best is not None and _net(best[1]) > max(gain - PRICE[suspicion.kind] + BETTER_BY, 0.0):
         return Verdict(best[0], (*rest, best[1]), examined)
     if gain < KEPT_SHARE * PRICE[suspicion.kind]:
@@ -258,28 +259,40 @@ def _net(held: Held) -> float:
 
 
 def _best(
-    case: _Case, solved: Solved, node: Node, others: list[Node], kept: tuple[Suspicion, ...],
-    *, again: bool = False,
+    case: _Case, log: TeamLog, solved: Solved, node: Node, others: list[Node],
+    kept: tuple[Suspicion, ...], *, again: bool = False,
 ) -> tuple[Solved, Held] | None:  # fmt: skip
+    """Return the best of the suspicions against a node, ``solved`` of ``log`` with those kept."""
     best: tuple[Solved, Held] | None = None
     which = tried_of_crowd(case.number, again=again) if case.of_crowd else range(sys.maxsize)
     scales = sum(each.kind == "scale" for each in kept)
     placed_wrongly = {each.node_id for each in kept if each.kind == "misplaced"} - {node.node_id}
     chains = len(solved.assembled.chains)
     most_scales = max(1, chains // FEWEST_TO_ONE) if chains > 1 else 0
-    suspicions = against(supposed(case.log, kept), solved, node, others)
+    suspicions = against(log, solved, node, others)
+    screen = _screen(case, log, solved, node)
     for suspicion in islice(suspicions, which.start, which.stop):
         if suspicion.kind == "scale" and scales >= most_scales:
             continue
         if suspicion.kind == "misplaced" and len(placed_wrongly) >= max(1, most_scales):
             continue
-        tried = _solved_with(case, solved, kept, suspicion)
+        turns_rad = screen.turns_worth(suspicion, PRICE[suspicion.kind]) if screen else TURNS_RAD
+        if not turns_rad:
+            continue
+        tried = _solved_with(case, solved, kept, suspicion, turns_rad)
         if tried is None:
             continue
         held = Held(suspicion, _gain(solved, tried, suspicion, node))
         if best is None or _net(held) > _net(best[1]):
             best = tried, held
     return best
+
+
+def _screen(case: _Case, log: TeamLog, solved: Solved, node: Node) -> Screen | None:
+    """Return what tells of a crowd which suspicions against a responder are worth a trial."""
+    if not case.of_crowd or node.role != "responder":
+        return None
+    return Screen(log, solved, node.passes[0].chain, case.time_ns, case.noise, case.settings)
 
 
 def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: Node) -> float:
@@ -294,15 +307,16 @@ def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: Node) -> 
 
 
 def _solved_with(
-    case: _Case, begin: Solved, kept: tuple[Suspicion, ...], suspicion: Suspicion | None
-) -> Solved | None:
+    case: _Case, begin: Solved, kept: tuple[Suspicion, ...], suspicion: Suspicion | None,
+    turns_rad: tuple[float, ...] = TURNS_RAD,
+) -> Solved | None:  # fmt: skip
     """Return the team solved as if all that were right, from ``begin`` and from nothing."""
     suspicions = (*kept, suspicion) if suspicion else kept
     log = supposed(case.log, suspicions)
     before = begin.solution(case.time_ns, case.noise)
     settings = case.settings
     if suspicion is not None and suspicion.kind == "renewed":
-        return _turned_since(case, log, before, begin, suspicion)
+        return _turned_since(case, log, before, begin, suspicion, turns_rad)
     nothing = NOTHING._replace(noise=case.noise)
     tried = [
         solve(log, case.time_ns, each, begin.belief, settings, settings.commit_iterations)
@@ -313,29 +327,19 @@ def _solved_with(
 
 
 def _turned_since(
-    case: _Case, log: TeamLog, before: Solution, begin: Solved, suspicion: Suspicion
-) -> Solved | None:
+    case: _Case, log: TeamLog, before: Solution, begin: Solved, suspicion: Suspicion,
+    turns_rad: tuple[float, ...],
+) -> Solved | None:  # fmt: skip
     """Return the best of the solutions with a responder's way turned since their unit changed."""
     assembled = assemble(log, case.time_ns, begin.belief, case.noise, case.settings)
     if assembled is None:
         return None
     assembled = by_floor(log, assembled, case.time_ns, case.settings)
-    start, arrow_start = begin_from(before, assembled)
-    index = next(
-        at for at, chain in enumerate(assembled.chains) if chain.responder_id == suspicion.node_id
-    )
-    chain, nodes = assembled.chains[index], assembled.nodes[index]
-    first, end = assembled.graph.first[index : index + 2].tolist()
-    link = first + int((chain.time_ns[nodes] < suspicion.since_ns).sum())
+    start, arrow = begin_from(before, assembled)
     best: Solved | None = None
-    if link >= end:
-        return None
-    way_m = chain.way_m[nodes[link - first :]] - chain.way_m[nodes[link - first]]
-    for turn_rad in TURNS_RAD:
-        pose = start.copy()
-        pose[link:end] = laid_out(start[link - 1], turn_rad, way_m)
+    for pose in starts_turned(assembled, start, suspicion, turns_rad):
         tried = solved_from(
-            assembled, pose, arrow_start.copy(), begin.belief, case.settings,
+            assembled, pose, arrow.copy(), begin.belief, case.settings,
             case.settings.commit_iterations,
         )  # fmt: skip
         if tried.is_sound and (best is None or tried.cost < best.cost):
