@@ -95,17 +95,18 @@ def factorise(matrix: Floats) -> bool:
     read.
     """
     n = matrix.shape[0]
-    for row in range(n):
-        for column in range(row + 1):
-            total = matrix[row, column]
-            for k in range(column):
-                total -= matrix[row, k] * matrix[column, k]
-            if row == column:
-                if not total > 0.0:
-                    return False
-                matrix[row, row] = math.sqrt(total)
-            else:
-                matrix[row, column] = total / matrix[column, column]
+    # Column by column, what each leaves taken from whole rows at once: of a sum by itself every
+    # term would wait for the one before. They come in the same order.
+    for k in range(n):
+        if not matrix[k, k] > 0.0:
+            return False
+        matrix[k, k] = math.sqrt(matrix[k, k])
+        column = matrix[k + 1 :, k] / matrix[k, k]
+        matrix[k + 1 :, k] = column
+        for below in range(column.size):
+            weight, row = column[below], matrix[k + 1 + below, k + 1 :]
+            for each in range(below + 1):
+                row[each] -= weight * column[each]
     return True
 
 
@@ -126,17 +127,26 @@ def solve_factorised(factor: Floats, vector: Floats) -> None:
 
 
 @compiled
+def _inverse_of(factor: Floats) -> Floats:
+    """Return L⁻¹ (n, n), lower triangular."""
+    n = factor.shape[0]
+    lower = np.zeros((n, n))
+    for row in range(n):
+        for k in range(row):
+            weight = factor[row, k]
+            for column in range(k + 1):
+                lower[row, column] -= weight * lower[k, column]
+        for column in range(row):
+            lower[row, column] /= factor[row, row]
+        lower[row, row] = 1.0 / factor[row, row]
+    return lower
+
+
+@compiled
 def invert_factorised(factor: Floats) -> Floats:
     """Return A⁻¹ (n, n), exactly symmetric, from the factor of A."""
     n = factor.shape[0]
-    lower = np.zeros((n, n))
-    for column in range(n):
-        lower[column, column] = 1.0 / factor[column, column]
-        for row in range(column + 1, n):
-            total = 0.0
-            for k in range(column, row):
-                total -= factor[row, k] * lower[k, column]
-            lower[row, column] = total / factor[row, row]
+    lower = _inverse_of(factor)
     inverse = np.zeros((n, n))
     for k in range(n):
         for row in range(k + 1):
