@@ -258,11 +258,13 @@ class Incident:
     @property
     def due_ns(self) -> int | None:
         """When something is due next, were nothing heard until then."""
-        silent_ns = self._tracker.silent_due_ns
-        if silent_ns is not None:
-            silent_ns += self._hold_ns
-        due_ns = (self._time_line.due_ns, self._desk.due_ns, silent_ns)
-        return min((each for each in due_ns if each is not None), default=None)
+        due_ns = self._tracker.silent_due_ns
+        if due_ns is not None:
+            due_ns += self._hold_ns
+        for each_ns in (self._time_line.due_ns, self._desk.due_ns):
+            if each_ns is not None and (due_ns is None or each_ns < due_ns):
+                due_ns = each_ns
+        return due_ns
 
     def said(self, message: Order | Receipt | StationTable | SiteAdvice) -> Outgoing:
         """Return what the post itself has to say as it is to be published."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from hashlib import blake2b
 from typing import Any, NamedTuple, Protocol
 
@@ -38,26 +38,38 @@ class _Unattended:
         pass
 
 
-class _Attended(GotOver):
-    """Names to who attends what is done within, until it is done or survived."""
+class _Handling:
+    """Gets over exceptions of what is done within, which ``what`` names to who attends.
 
-    __slots__ = ("_attendant", "_what")
+    ``what`` is empty within what is attended already. One is made for every message, so that what
+    there would be to note is put together only if there is.
+    """
 
-    def __init__(self, note: Callable[[Exception], None], attendant: Attendant, what: str) -> None:
-        super().__init__(note)
+    __slots__ = ("_attendant", "_mishaps", "_node", "_told", "_what")
+
+    def __init__(
+        self, mishaps: Mishaps, node: Node, told: tuple[str, ...], attendant: Attendant, what: str
+    ) -> None:
+        self._mishaps = mishaps
+        self._node = node
+        self._told = told
         self._attendant = attendant
         self._what = what
 
     def __enter__(self) -> None:
-        self._attendant.begin(self._what)
+        if self._what:
+            self._attendant.begin(self._what)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: object
     ) -> bool:
-        is_over = error is None or super().__exit__(kind, error, trace)
-        if is_over:
+        is_over = error is None or GotOver(self._note).__exit__(kind, error, trace)
+        if is_over and self._what:
             self._attendant.end()
         return is_over
+
+    def _note(self, error: Exception) -> None:
+        self._mishaps.note(error, ", ".join(self._told), *self._node)
 
 
 class _Aside(NamedTuple):
@@ -96,22 +108,17 @@ class SetAside:
         self._mishaps.put_aside(words, key.role, key.node_id, "Fatal")
         return False
 
-    def survived(self, key: Key, doing: str, what: str = "") -> GotOver:
+    def survived(self, key: Key, doing: str, what: str = "") -> _Handling:
         """Break off what is done within with a message under ``key``, at an exception.
 
         ``what`` names it to who attends; within what is attended already, nothing does.
         """
+        node, told = (key.role, key.node_id), (key.topic, doing)
+        return _Handling(self._mishaps, node, told, self._attendant, what)
 
-        def note(error: Exception) -> None:
-            self._mishaps.note(error, f"{key.topic}, {doing}", key.role, key.node_id)
-
-        return _Attended(note, self._attendant, what) if what else GotOver(note)
-
-    def passing(self, doing: str) -> GotOver:
+    def passing(self, doing: str) -> _Handling:
         """Break off at an exception what is done within, which no message is about."""
-        return _Attended(
-            lambda error: self._mishaps.note(error, doing, *self._post), self._attendant, doing
-        )
+        return _Handling(self._mishaps, self._post, (doing,), self._attendant, doing)
 
     def take(self, mishaps: Iterable[Mishap]) -> None:
         """Take in what came up elsewhere, and was got over there."""

@@ -41,13 +41,14 @@ class Declarations:
 
     def has_place(self, channel: FileChannel) -> bool:
         """Say whether ``channel`` is there, or one more may be."""
-        return channel in self._channels or self.count < MAX_CHANNELS
+        return self.count < MAX_CHANNELS or channel in self._channels
 
     def number_of(
         self, channel: FileChannel, writer: RecordWriter, drawn: Drawn | None = None
     ) -> int:
         """Return the channel's number; a new one is declared, with the schema of what is drawn."""
-        if channel not in self._channels:
+        number = self._channels.get(channel)
+        if number is None:
             marks = channel.marks
             schema_id = _NO_SCHEMA
             if channel.schema:
@@ -59,7 +60,7 @@ class Declarations:
             self.declared.channels[number] = declared
             self._channels[channel] = number
             _tell(declared, writer)
-        return self._channels[channel]
+        return number
 
     def declare_again(self, writer: RecordWriter) -> None:
         """Have a writer that goes on with the file declare everything once more."""

@@ -29,6 +29,11 @@ class Known:
 
         Moments no further apart than ``close_ns``, which is always the same, are close.
         """
+        if self._end_ns and self._begin_ns[-1] <= time_ns <= self._end_ns[-1] + close_ns:
+            # As a rule they come in the order of time, and go on with the last span.
+            is_news = time_ns > self._end_ns[-1]
+            self._end_ns[-1] = max(self._end_ns[-1], time_ns)
+            return is_news
         first = bisect_right(self._end_ns, time_ns - close_ns - 1)
         end = bisect_right(self._begin_ns, time_ns + close_ns)
         if end - first == 1 and self._begin_ns[first] <= time_ns <= self._end_ns[first]:
