@@ -1,4 +1,4 @@
-"""Alone, a responder tells which suspicions are worth solving a whole crew for."""
+"""Those alone whom suspicions are about tell which are worth solving a whole crew for."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from tests.stride_world import at_ns
 SETTINGS = TeamSettings()
 TURNED_S, UNTIL_S = 150.0, 210.0
 TURNED = Faults(since_s=TURNED_S, renewed=("r3", math.radians(110.0)))
+SWAPPED = Faults(since_s=TURNED_S, swapped=("r1", "r3"))
 LATE = Faults(ahead_s=("r3", 3.0))
 
 
@@ -43,12 +44,11 @@ def heard(faults: Faults | None) -> TeamLog:
 
 
 @cache
-def screen(faults: Faults | None, responder_id: str) -> Screen:
+def screen(faults: Faults | None) -> Screen:
     log, until_ns = heard(faults), at_ns(UNTIL_S)
     solved = commit(log, until_ns, NOTHING, SETTINGS)
     assert solved is not None
-    ids = [chain.responder_id for chain in solved.assembled.chains]
-    return Screen(log, solved, ids.index(responder_id), until_ns, AS_TOLD, SETTINGS)
+    return Screen(log, solved, until_ns, AS_TOLD, SETTINGS)
 
 
 def turns_deg(
@@ -59,12 +59,12 @@ def turns_deg(
 
 
 def test_a_unit_that_began_anew_is_worth_a_trial_for_each_way_that_it_may_be_turned() -> None:
-    assert len(turns_deg(screen(TURNED, "r3"), "renewed", "r3", TURNED_S)) == 1
+    assert len(turns_deg(screen(TURNED), "renewed", "r3", TURNED_S)) == 1
 
 
 @pytest.mark.parametrize("ahead_s", [3.0, -3.0])
 def test_a_clock_is_worth_a_trial_if_it_is_off_that_way(ahead_s: float) -> None:
-    is_worth = bool(turns_deg(screen(LATE, "r3"), "clock", "r3", ahead_s=ahead_s))
+    is_worth = bool(turns_deg(screen(LATE), "clock", "r3", ahead_s=ahead_s))
     assert is_worth == (ahead_s > 0.0)
 
 
@@ -75,12 +75,16 @@ def test_a_clock_is_worth_a_trial_if_it_is_off_that_way(ahead_s: float) -> None:
 def test_what_explains_nothing_is_worth_none(
     kind: SuspicionKind, since_s: float, ahead_s: float
 ) -> None:
-    assert turns_deg(screen(None, "r2"), kind, "r2", since_s, ahead_s) == []
+    assert turns_deg(screen(None), kind, "r2", since_s, ahead_s) == []
 
 
-def test_what_is_not_of_one_alone_is_always_tried() -> None:
-    swapped = Suspicion("swapped", "responder", "r2", 0, "r3")
+@pytest.mark.parametrize("faults", [None, SWAPPED])
+def test_swapped_radios_are_worth_a_trial_if_both_fit_better_so(faults: Faults | None) -> None:
+    swapped = Suspicion("swapped", "responder", "r1", at_ns(TURNED_S), "r3")
+    turns_rad = screen(faults).turns_worth(swapped, PRICE["swapped"])
+    assert turns_rad == (TURNS_RAD if faults else ())
+
+
+def test_what_is_not_of_responders_alone_is_always_tried() -> None:
     astray = Suspicion("astray", "dap", "dap4", 0)
-    for suspicion in (swapped, astray):
-        turns_rad = screen(None, "r2").turns_worth(suspicion, PRICE[suspicion.kind])
-        assert turns_rad == TURNS_RAD
+    assert screen(None).turns_worth(astray, PRICE["astray"]) == TURNS_RAD

@@ -94,11 +94,10 @@ def _own_columns(assembled: Assembled, index: int, units: int, passed: Ints) -> 
     return np.concatenate([[AXIS, LEAD], unit, np.column_stack([place, place + 1]).ravel()])
 
 
-def own_ties(found: Solved, index: int) -> slice:
+def own_ties(found: Solved, index: int) -> Ints:
     """Return which ties of the graph are those of the chain at ``index``."""
     graph = found.assembled.graph
-    of_chain = np.searchsorted(graph.tie_at[:, 0], graph.first[index : index + 2])
-    return slice(*of_chain.tolist())
+    return np.arange(*np.searchsorted(graph.tie_at[:, 0], graph.first[index : index + 2]))
 
 
 def axis_and_lead(found: Solved) -> tuple[Floats, Floats]:
@@ -110,8 +109,8 @@ def axis_and_lead(found: Solved) -> tuple[Floats, Floats]:
     return np.append(axis, found.assembled.graph.axis[2]), lead
 
 
-def places_by_others(found: Solved, own: slice) -> Floats:
-    """Return what is known of places apart from a chain's ``own`` ties: rows of ``Graph.place``."""
+def places_by_others(found: Solved, own: Ints) -> Floats:
+    """Return what is known of places apart from some's ``own`` ties: rows of ``Graph.place``."""
     graph, base = found.assembled.graph, found.assembled.place_column(0)
     count = len(graph.place)
     every = np.bincount((graph.tie_at[:, 1] - base) // 2, minlength=count)

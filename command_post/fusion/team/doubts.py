@@ -292,7 +292,7 @@ def _screen(case: _Case, log: TeamLog, solved: Solved, node: Node) -> Screen | N
     """Return what tells of a crowd which suspicions against a responder are worth a trial."""
     if not case.of_crowd or node.role != "responder":
         return None
-    return Screen(log, solved, node.passes[0].chain, case.time_ns, case.noise, case.settings)
+    return Screen(log, solved, case.time_ns, case.noise, case.settings)
 
 
 def _gain(without: Solved, solved: Solved, suspicion: Suspicion, node: Node) -> float:
