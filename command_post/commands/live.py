@@ -112,12 +112,13 @@ def run(
         with (
             stop_on_signals() as stop,
             _linked(itself.incident, listen, bundle) as link,
-            _recorded(keeping, settings, mirror) as recorder,
             _shown(table) as show,
             told(address, bundle) as figures,
             doors.opened(
                 itself.incident, itself.post_id, bundle, fusing.plan, settings.teams.teams
             ) as guests,
+            # The last: where a port is taken, no recording is begun.
+            _recorded(keeping, settings, mirror) as recorder,
         ):
             if with_parent:
                 stop_with_parent(stop)

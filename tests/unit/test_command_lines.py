@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 
 import pytest
@@ -164,3 +165,20 @@ def test_where_nothing_can_be_written_is_told_before_the_work(
 ) -> None:
     for place in (tmp_path, tmp_path / "none" / "x"):
         assert told(POST, *words, place).startswith(f"{words[-1]} {place}: ")
+
+
+def test_a_post_whose_port_is_taken_begins_no_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("command_post.commands.live.make_ready", lambda _: None)
+    with socket.create_server(("127.0.0.1", 0)) as taken, capture_logs() as logs:
+        port = taken.getsockname()[1]
+        record, metrics = tmp_path / "a.mcap", f"127.0.0.1:{port}"
+        code = POST(
+            ["run", "--insecure", "--listen", "tcp/127.0.0.1:0", "--metrics", metrics,
+             "--record", str(record)],
+            exit_on_error=False, result_action="return_value",
+        )  # fmt: skip
+    assert code == ExitCode.USAGE
+    assert "use another port" in str(logs[-1]["event"])
+    assert list(tmp_path.iterdir()) == []
