@@ -24,7 +24,7 @@ from command_post.review.comparison import tracks_of
 from shared.files import check_can_write, replace_atomically
 from shared.mcap_reader import RecordingError
 from shared.messages import LocalPosition
-from shared.process import ExitCode, ended_by_signals
+from shared.process import ExitCode
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -106,10 +106,8 @@ def smoothed(file: Path, plan: Path | None = None, sides: Sides | None = None) -
     settings = recorded_settings(file)
     fusion = with_plan(settings.fusion, plan)
     incident = Incident(msgspec.structs.replace(settings, fusion=fusion))
-    # An interrupt would be lost where the fusion goes on without what it cannot handle.
-    with ended_by_signals():
-        replay(file, incident, sides)
-        found = incident.afterwards()
+    replay(file, incident, sides)
+    found = incident.afterwards()
     log_faults(incident.take_notices())
     return found
 

@@ -24,7 +24,7 @@ from command_post.review.comparison import other_settings
 from shared.config import ConfigError
 from shared.files import check_can_write
 from shared.mcap_reader import RecordingError, read_recording
-from shared.process import ExitCode, ended_by_signals
+from shared.process import ExitCode
 from shared.simulation.plan import Plan, load_plan
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -62,9 +62,7 @@ def replay(
     try:
         told_settings = other_settings(recorded_settings(file), fusion, settings, plan)
         incident = Incident(told_settings)
-        # An interrupt would be lost where the fusion goes on without what it cannot handle.
-        with ended_by_signals():
-            report = replay_recording(file, incident, sides)
+        report = replay_recording(file, incident, sides)
         log_faults(incident.take_notices())
     except (RecordingError, ConfigError) as error:
         _log.error(str(error))
