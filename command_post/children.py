@@ -23,6 +23,15 @@ class Ended(NamedTuple):
     name: str
     exit_code: int
 
+    def __str__(self) -> str:
+        """Say who ended, and of what: of a signal where one killed it."""
+        if self.exit_code >= 0:
+            return f"{self.name} ended with exit code {self.exit_code}"
+        try:
+            return f"{self.name} was killed by {signal.Signals(-self.exit_code).name}"
+        except ValueError:
+            return f"{self.name} was killed by signal {-self.exit_code}"
+
 
 class Children:
     """Processes of our own programs, stopped in the reverse of the order they were started."""

@@ -8,18 +8,14 @@ when all have finished.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Collection, Iterable
 from datetime import UTC, datetime
-from pathlib import Path
 from threading import Event
-from typing import NamedTuple
 
 from command_post.authority import Authority
 from command_post.children import Children
-from command_post.fusion.settings import HOLD_S
+from command_post.demo_settings import DemoSettings
 from command_post.last_words import LastWords
-from command_post.rehearsing.rehearsal import BootMethod
 from shared.bus.interface import Bus, Received
 from shared.bus.loopback import free_port, free_ports
 from shared.bus.zenoh_bus import open_zenoh
@@ -28,11 +24,9 @@ from shared.codec import Refusal, decode, parse_key
 from shared.introductions import Introductions
 from shared.mcap_reader import RecordedMessage
 from shared.messages import Beat, ExerciseStart, Message
-from shared.recording_parts import files_of, unfinished_path
 from shared.security.bundle import Bundle
-from shared.security.certificates import AUTHORITY_ID, Identity
+from shared.security.certificates import Identity
 from shared.sender import Sender, Unkept
-from shared.simulation.scenario import Scenario
 from shared.topics import Key, Role, alive_key, all_alive_of, finished_key
 from shared.units import NS_PER_S
 
@@ -49,13 +43,6 @@ PAGE_PORT = 8080
 """Where the page is, if nothing else is there."""
 
 KEYS_DAYS = 7
-LONGEST_HOLD_S = 60.0
-LATEST_S = 0.6
-"""How late, in real time, a busy machine may make a message."""
-
-STRIDE_TOLD_S = 8.0
-"""A stride is told this long after it at the latest, by a unit that keeps up."""
-
 SAFE_SOON_S = 6.0
 SAFE_TIMEOUT_S = 120.0
 """The post acknowledges every other second what is on its disk; one that is behind takes longer."""
@@ -63,69 +50,6 @@ SAFE_TIMEOUT_S = 120.0
 
 class DemoError(RuntimeError):
     """The demo could not run; the text says which node failed and where its log is."""
-
-
-class DemoSettings(NamedTuple):
-    """What to run, how fast, and where its files go."""
-
-    scenario_name: str
-    scenario: Scenario
-    seed: int
-    speed: float
-    method: BootMethod | None
-    directory: Path
-    shows_table: bool
-
-    @property
-    def hold_s(self) -> float:
-        """Seconds of the exercise that events wait: processes are late by real time."""
-        return min(self.speed * HOLD_S["team"], LONGEST_HOLD_S)
-
-    @property
-    def late_s(self) -> float:
-        """Seconds of the exercise: a stride that is later is of a machine that is too slow."""
-        return STRIDE_TOLD_S + self.speed * LATEST_S
-
-    @property
-    def recording(self) -> Path:
-        """Where the recording is written."""
-        return self.directory / f"{Path(self.scenario_name).stem}.mcap"
-
-    @property
-    def picture(self) -> Path:
-        """Where the tracks are drawn."""
-        return self.recording.with_suffix(".png")
-
-    @property
-    def score(self) -> Path:
-        """Where the score is written."""
-        return self.recording.with_suffix(".score.json")
-
-    @property
-    def logs(self) -> Path:
-        """Where each process writes its log."""
-        return self.directory / "logs"
-
-    @property
-    def keys(self) -> Path:
-        """Where the demo's own authority is, and each node's keys."""
-        return self.directory / "keys"
-
-    @property
-    def journals(self) -> Path:
-        """Where each node keeps what it has said."""
-        return self.directory / "journals"
-
-    def clear(self) -> None:
-        """Remove what an earlier run of the scenario left in the folder."""
-        for journal in self.journals.glob("*.journal*"):
-            journal.unlink()
-        if (self.keys / AUTHORITY_ID).is_dir():
-            shutil.rmtree(self.keys)
-        unfinished = unfinished_path(self.recording)
-        parts = files_of(self.recording).values()
-        for path in (self.recording, unfinished, *parts, self.picture, self.score):
-            path.unlink(missing_ok=True)
 
 
 def run_demo(settings: DemoSettings, stop: Event, say: Callable[[str], None]) -> bool:
@@ -276,10 +200,10 @@ def _wait_until_finished(
     told: set[str] = set()
     while True:
         _check(children, [POST_ID])
-        for name, exit_code in children.failed():
-            if name not in told:
-                told.add(name)
-                say(f"{name} ended with exit code {exit_code}; going on without")
+        for ended in children.failed():
+            if ended.name not in told:
+                told.add(ended.name)
+                say(f"{ended}; going on without; its log: {children.log(ended.name)}")
         walking = settings.scenario.responders.keys() & set(children.running())
         if all(finished_key(INCIDENT, one) in finished for one in walking):
             return True
@@ -384,8 +308,6 @@ def _said_in(received: Received) -> tuple[str, Message | None]:
 
 
 def _check(children: Children, needed: Collection[str]) -> None:
-    for name, exit_code in children.failed():
-        if name in needed:
-            raise DemoError(
-                f"{name} ended with exit code {exit_code}; its log: {children.log(name)}"
-            )
+    for ended in children.failed():
+        if ended.name in needed:
+            raise DemoError(f"{ended}; its log: {children.log(ended.name)}")

@@ -21,6 +21,9 @@ from command_post.recorder.recorded import Incident
 from shared.codec import Refusal, message_of
 from shared.mcap_reader import ReadReport, RecordingError, read_recording
 
+LONGEST_TOLD = 80
+"""Of a value that differs so many characters are told."""
+
 
 class Difference(NamedTuple):
     """An outgoing message that is not as it was recorded; ``None`` where there is none at all.
@@ -39,7 +42,10 @@ class Difference(NamedTuple):
             return f"{place}: {'not made then' if self.recorded is None else 'not made now'}"
         then, now = _fields(self.key, self.recorded), _fields(self.key, self.replayed)
         changed = [name for name in {**then, **now} if then.get(name) != now.get(name)]
-        words = [f"{name} was {then.get(name)!r}, is {now.get(name)!r}" for name in changed]
+        words = [
+            f"{name} was {_in_short(then.get(name))}, is {_in_short(now.get(name))}"
+            for name in changed
+        ]
         return f"{place}: {', '.join(words) or 'the same values in other bytes'}"
 
 
@@ -79,6 +85,12 @@ class ReplayReport:
         if self.first_difference is not None:
             lines.append(f"first difference: {self.first_difference}")
         return "\n".join(lines)
+
+
+def _in_short(value: object) -> str:
+    """Return a value as it is written; of the outlines of a region the beginning will do."""
+    written = repr(value)
+    return written if len(written) <= LONGEST_TOLD else f"{written[: LONGEST_TOLD - 1]}…"
 
 
 class Sides(NamedTuple):

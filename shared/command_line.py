@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from pkgutil import resolve_name
 from types import MappingProxyType
 from typing import Annotated, Literal
 
+import structlog
 from cyclopts import App, CycloptsError, Group, Parameter
 
 from shared.process import ExitCode, LogLevel, configure_logging, interrupt_on_signals, leave
 
 _EVERYWHERE = Group("Logging")
+
+_log = structlog.stdlib.get_logger(__name__)
 
 
 def run_command_line(app: App, commands: Mapping[str, str] = MappingProxyType({})) -> None:
@@ -62,6 +66,24 @@ def _with_logging(app: App) -> Callable[..., object]:
 
         """
         configure_logging(log_level, json=log == "json")
+        empty = _empty(tokens)
+        if empty is not None:
+            _log.error(f"{empty}: is empty; give a value, or leave it out")
+            return ExitCode.USAGE
         return app(tokens, exit_on_error=False, result_action="return_value")
 
     return run
+
+
+def _empty(tokens: Sequence[str]) -> str | None:
+    """Return what is given no value, as by a shell's variable that is not set.
+
+    A path without a name would be the folder one is in.
+    """
+    for before, token in pairwise(("", *tokens)):
+        option, equals, value = token.partition("=")
+        if not token:
+            return before if before.startswith("--") else "an argument"
+        if option.startswith("--") and equals and not value:
+            return option
+    return None

@@ -22,6 +22,7 @@ REHEARSAL_INCIDENT = "rehearsal"
 
 HEAR_S = 0.2
 ASK_TIMEOUT_S = 0.5
+MOST_SEEDS = 1_000_000
 
 
 def await_exercise(bus: Bus, incident: NodeId, gate: Gate, stop: Event) -> ExerciseStart | None:
@@ -72,6 +73,9 @@ def seeds_in(text: str) -> range:
     first, dash, last = text.partition("-")
     if first.isdecimal() and (last.isdecimal() if dash else not last):
         seeds = range(int(first), int(last if dash else first) + 1)
-        if seeds:
+        if 0 < seeds.stop - seeds.start <= MOST_SEEDS and seeds.stop <= 2**63:
             return seeds
-    raise ValueError(f"seeds {text!r}: write one, as in 7, or the first and the last, as in 0-9")
+    raise ValueError(
+        f"--seeds {text!r}: write one, as in 7, or the first and the last, as in 0-9, "
+        f"{MOST_SEEDS} at most"
+    )

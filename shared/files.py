@@ -30,7 +30,7 @@ def replace_atomically(path: Path) -> Iterator[BinaryIO]:
     new one, even after a power failure. The folder of ``path`` must exist. A program that is
     killed inside the block leaves a hidden ``.NAME.XXXXXXXX.part`` behind.
     """
-    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    part = _part_of(path)
     try:
         with part.open("xb") as file:
             yield file
@@ -43,14 +43,41 @@ def replace_atomically(path: Path) -> Iterator[BinaryIO]:
     sync_folder(path.parent)
 
 
+def check_can_write(path: Path | None, option: str) -> None:
+    """Raise ``ValueError`` if there can be no file at ``path``, which ``option`` gives.
+
+    That is for before a long work whose result is to go there.
+    """
+    if path is None:
+        return
+    if path.is_dir():
+        raise ValueError(f"{option} {path}: is a folder; give a file's name in it")
+    part = _part_of(path)
+    try:
+        part.open("xb").close()
+        part.unlink()
+    except OSError as error:
+        raise ValueError(
+            f"{option} {path}: cannot be written ({error.strerror}); give another"
+        ) from None
+
+
+def _part_of(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+
+
+HOLDING = ".held"
+"""What stays, hidden, in a folder that a process has held."""
+
+
 @contextmanager
 def held_alone(folder: Path) -> Iterator[None]:
     """Hold ``folder`` for this process; it must exist. Raises ``FolderHeldError`` if one does.
 
-    However the process ends, it holds the folder no longer: the hidden ``.held`` that stays in it
-    means nothing. Where files cannot be locked (Windows), nobody is kept out.
+    However the process ends, it holds the folder no longer: the ``HOLDING`` that stays in it only
+    tells that one did. Where files cannot be locked (Windows), nobody is kept out.
     """
-    with _locked(folder / ".held") as is_free:
+    with _locked(folder / HOLDING) as is_free:
         if not is_free:
             raise FolderHeldError(f"{folder}: another process is at work there")
         yield

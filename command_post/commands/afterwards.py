@@ -21,8 +21,7 @@ from command_post.nodes.notice_log import log_faults
 from command_post.plans.plan_file import with_plan
 from command_post.replay import Sides, recorded_settings, replay
 from command_post.review.comparison import tracks_of
-from shared.config import ConfigError
-from shared.files import replace_atomically
+from shared.files import check_can_write, replace_atomically
 from shared.mcap_reader import RecordingError
 from shared.messages import LocalPosition
 from shared.process import ExitCode
@@ -72,8 +71,9 @@ def afterwards(
     """
     sides = Sides(Evidence(), Evidence())
     try:
+        check_can_write(output, "--output")
         found = smoothed(file, plan, sides)
-    except (RecordingError, ConfigError) as error:
+    except (RecordingError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     if found is None or not found.tracks:

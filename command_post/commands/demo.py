@@ -12,17 +12,18 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 
 from command_post.commands.scoring import read_evidence, show_score
-from command_post.demo import DemoError, DemoSettings, run_demo, why_told_late
+from command_post.demo import DemoError, run_demo, why_told_late
+from command_post.demo_settings import DemoSettings
 from command_post.evaluation.errors import measure
 from command_post.evaluation.score_card import score
 from command_post.rehearsing.rehearsal import BootMethod
 from shared.config import ConfigError
 from shared.files import FolderHeldError, held_alone, replace_atomically
 from shared.mcap_reader import RecordingError, read_recording
+from shared.node_options import Seed
 from shared.process import ExitCode, quieten_logging, stop_on_signals
+from shared.recording_parts import where_part_is
 from shared.simulation.scenario import load_scenario
-
-Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 
 _log = structlog.stdlib.get_logger(__name__)
 
@@ -52,7 +53,7 @@ def demo(
     method
         How the agents read their boots: eskf or linear; the agents' own default if not given.
     output
-        Folder for what it leaves; what an earlier demo left there is replaced.
+        Folder for what it leaves, an empty one or an earlier demo's: what that left is replaced.
     json
         Print the score as one JSON object, and no table.
 
@@ -63,7 +64,7 @@ def demo(
             settings = DemoSettings(
                 scenario, loaded, seed, speed, method, output, shows_table=not json
             )
-            settings.logs.mkdir(parents=True, exist_ok=True)
+            settings.claim()
             held.enter_context(held_alone(output))
             settings.clear()
         except (ConfigError, FolderHeldError, ValueError) as error:
@@ -78,29 +79,44 @@ def demo(
 def _run(settings: DemoSettings, *, json: bool) -> int:
     """Run a demo to its score, or as far as it gets."""
     quieten_logging()
-    console = Console(stderr=True)
     try:
         with stop_on_signals() as stop:
-            finished = run_demo(settings, stop, lambda text: console.print(text, highlight=False))
-        if not finished:
-            console.print(f"recording: {settings.recording}", highlight=False)
-            return ExitCode.INTERRUPTED
-        return _tell(settings, console, json=json)
-    except (DemoError, RecordingError, OSError) as error:
+            finished = run_demo(settings, stop, _say)
+        _tell_recording(settings)
+        return _tell(settings, json=json) if finished else ExitCode.INTERRUPTED
+    except DemoError as error:
         _log.error(str(error))
-        return ExitCode.FAILURE
+        _tell_recording(settings)
+    except (RecordingError, OSError) as error:
+        _log.error(str(error))
+    return ExitCode.FAILURE
 
 
-def _tell(settings: DemoSettings, console: Console, *, json: bool) -> int:
-    """Score the recording of a demo that has ended, and say where its files are."""
-    console.print(f"recording: {settings.recording}", highlight=False)
+def _say(text: str) -> None:
+    """Print a line to standard error as it is: a path is not to be broken."""
+    Console(stderr=True).print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _tell_recording(settings: DemoSettings) -> None:
+    """Say where the recording is, if there is one, and how to look at it."""
+    recording = where_part_is(settings.recording, 1)
+    if recording is None:
+        return
+    _say(f"recording: {recording}")
+    if recording != settings.recording:
+        _say("  it is unfinished: 'command-post salvage' makes a whole one of it")
+    _say(f"  to see it in the page again: command-post review {recording}")
+
+
+def _tell(settings: DemoSettings, *, json: bool) -> int:
+    """Score the recording of a demo that has ended, and say where its picture is."""
     evidence = read_evidence(settings.recording)
     late = why_told_late(read_recording(settings.recording), settings)
     told = score(measure(evidence))
     with replace_atomically(settings.score) as file:
         file.write(msgspec.json.format(msgspec.json.encode(told)))
     show_score(told, evidence, settings.scenario.building, picture=settings.picture, json=json)
-    console.print(f"picture: {settings.picture}", highlight=False)
+    _say(f"picture: {settings.picture}")
     if late is not None:
-        console.print(late, highlight=False)
+        _say(late)
     return ExitCode.OK

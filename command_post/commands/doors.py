@@ -18,7 +18,7 @@ from command_post.listening import Address
 from command_post.nodes.teams import Crews
 from command_post.plans.plan_images import load_plan
 from command_post.starting_origin import StartingOrigin
-from command_post.web.server import page_address, page_served
+from command_post.web.server import named_people, page_address, page_served
 from shared.geodesy import Origin, parse_origin
 from shared.messages import NodeId
 from shared.security.bundle import Bundle
@@ -70,9 +70,12 @@ class Doors:
     tak_ca: Path | None = None
     foxglove: str | None = None
 
-    def check(self, bundle: Bundle | None) -> None:
+    def check(self, bundle: Bundle | None, post_id: NodeId) -> None:
         """Raise ``ValueError`` for options that cannot be used, before anything is begun."""
         self._address(bundle)
+        if self.people is not None:
+            named_people(self.people, post_id)
+        load_plan(None, self.plan_image)
         self._foxglove_address()
         if self._server is not None and self.place is None:
             _log.warning("TAK is told nothing until somebody sets the incident's origin")
@@ -116,5 +119,7 @@ class Doors:
     @property
     def _server(self) -> TakServer | None:
         if self.tak is None:
+            if (self.tak_cert, self.tak_key, self.tak_ca) != (None, None, None):
+                raise ValueError("--tak-cert, --tak-key and --tak-ca are for --tak; give that too")
             return None
         return checked_server(TakServer(self.tak, self.tak_cert, self.tak_key, self.tak_ca))

@@ -13,7 +13,7 @@ from command_post.exports.formats import exported
 from command_post.exports.material import material_of
 from command_post.review.past import Past
 from shared.config import ConfigError
-from shared.files import replace_atomically
+from shared.files import check_can_write, replace_atomically
 from shared.geodesy import Origin, parse_origin
 from shared.mcap_index import IndexedRecording
 from shared.mcap_reader import RecordingError
@@ -85,4 +85,5 @@ def _checked(output: Sequence[Path], origin: str | None) -> Origin | None:
     for path in output:
         if path.suffix not in FORMATS:
             raise ValueError(f"--output {path}: let it end with {', '.join(FORMATS)}")
+        check_can_write(path, "--output")
     return place

@@ -98,25 +98,27 @@ def run(
         if refused is not None:
             _log.error(refused)
         bundle, stations = itself.open_keys(), who.station_table()
+        listen = itself.endpoints(bundle)
         sign = None if bundle is None else bundle.sign
         settings = IncidentSettings(
             incident=itself.incident, post_id=itself.post_id, time_line=fusing.time_line,
             fusion=fusion, teams=who.crews(),
         )  # fmt: skip
         address = None if metrics is None else metrics_address(metrics, bundle)
-        doors.check(bundle)
+        doors.check(bundle, itself.post_id)
         mirror = Mirror(doors.place)
         with ended_by_signals():
             make_ready(settings.fusion)
         with (
             stop_on_signals() as stop,
-            _linked(itself, bundle) as link,
-            _recorded(keeping, settings, mirror) as recorder,
+            _linked(itself.incident, listen, bundle) as link,
             _shown(table) as show,
             told(address, bundle) as figures,
             doors.opened(
                 itself.incident, itself.post_id, bundle, fusing.plan, settings.teams.teams
             ) as guests,
+            # The last: where a port is taken, no recording is begun.
+            _recorded(keeping, settings, mirror) as recorder,
         ):
             if with_parent:
                 stop_with_parent(stop)
@@ -138,12 +140,12 @@ def run(
 
 
 @contextmanager
-def _linked(itself: PostItself, bundle: Bundle | None) -> Iterator[_Link]:
+def _linked(incident: str, listen: Sequence[str], bundle: Bundle | None) -> Iterator[_Link]:
     """Give the bus, with who has introduced themselves on it."""
     with (
         counted_at_links(bundle) as at_links,
-        open_zenoh("router", listen=itself.endpoints(bundle), bundle=bundle) as bus,
-        Introductions(bus, itself.incident, bundle) as introductions,
+        open_zenoh("router", listen=listen, bundle=bundle) as bus,
+        Introductions(bus, incident, bundle) as introductions,
     ):
         yield _Link(bus, introductions, at_links)
 
@@ -189,5 +191,9 @@ def _shown(table: bool) -> Iterator[Callable[[Roster], None]]:
     if not table:
         yield lambda _: None
         return
-    with Live(console=Console(file=sys.stdout), auto_refresh=False) as live:
+    console = Console(file=sys.stdout)
+    with Live(console=console, auto_refresh=False) as live:
         yield lambda roster: live.update(roster_table(roster), refresh=True)
+    if not console.is_terminal:
+        # It ends no line in a file or a pipe, where others write on.
+        console.print()

@@ -27,13 +27,12 @@ from command_post.rehearsing.rehearsal import rehearse as rehearse_scenario
 from command_post.rehearsing.score_table import pooled_table
 from shared.config import ConfigError, checked
 from shared.exercise import REHEARSAL_INCIDENT
-from shared.files import replace_atomically
+from shared.files import check_can_write, replace_atomically
+from shared.node_options import Runs, Seed
 from shared.process import ExitCode
 from shared.simulation.odometry_errors import OdometrySource
 from shared.simulation.scenario import load_scenario
 
-Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
-Positive = Annotated[int, Parameter(validator=validators.Number(gt=0))]
 Workers = Annotated[int, Parameter(validator=validators.Number(gt=0, lte=1024))]
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -76,6 +75,7 @@ def rehearse(
 
     """
     try:
+        check_can_write(output, "--output")
         settings = _settings(FusionSettings(method=fusion, seed=seed))
         load_scenario(scenario)
         agents = Agents(method, imu, odometry)
@@ -95,7 +95,7 @@ def rehearse(
 def montecarlo(
     *,
     scenario: list[str],
-    runs: Positive = 20,
+    runs: Runs = 20,
     seed: Seed = 0,
     particles: int = 1000,
     method: BootMethod | None = None,
@@ -145,6 +145,7 @@ def montecarlo(
     """
     agents = Agents(method, raw=False, odometry=odometry)
     try:
+        check_can_write(picture, "--picture")
         told = FusionSettings(
             method=fusion, team=TeamSettings(axis=axis), seed=seed, particles=particles
         )
@@ -175,6 +176,7 @@ def plan(scenario: str, *, output: Path) -> int:
 
     """
     try:
+        check_can_write(output, "--output")
         pieces_m = load_scenario(scenario).building.wall_pieces_m.tolist()
         walls = tuple(
             Wall(from_north_m, from_east_m, to_north_m, to_east_m)

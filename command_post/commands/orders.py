@@ -30,7 +30,7 @@ from shared.messages import (
     PositionFix,
     SetDownHere,
 )
-from shared.node_options import Insecure, Keys
+from shared.node_options import Insecure, Keys, Metres
 from shared.process import ExitCode
 from shared.security.certificates import Identity
 from shared.security.opening import local_endpoint, open_keys
@@ -78,9 +78,9 @@ _log = structlog.stdlib.get_logger(__name__)
 def click(
     *,
     responder: str,
-    north: float,
-    east: float,
-    down: float = 0.0,
+    north: Metres,
+    east: Metres,
+    down: Metres = 0.0,
     sd: Deviation = 2.0,
     sayer: Sayer = Sayer(),
 ) -> int:
@@ -120,7 +120,7 @@ def click(
 
 def floor(
     *,
-    height: float,
+    height: Metres,
     responder: str | None = None,
     dap: str | None = None,
     sd: Deviation = 0.5,
@@ -204,9 +204,9 @@ def order(
 def set_down(
     *,
     dap: str,
-    north: float,
-    east: float,
-    down: float = 0.0,
+    north: Metres,
+    east: Metres,
+    down: Metres = 0.0,
     sd: Deviation = 1.0,
     sayer: Sayer = Sayer(),
 ) -> int:

@@ -15,6 +15,7 @@ from command_post.fusion.time_line import TimeLineSettings
 from command_post.nodes.teams import Teams
 from command_post.plans.plan_file import with_usable_plan
 from command_post.recorder.parts import Rotation
+from shared.bus.zenoh_settings import check_endpoint
 from shared.config import checked, load_toml
 from shared.messages import StationTable
 from shared.node_options import Insecure, Keys
@@ -59,8 +60,10 @@ class PostItself:
         return open_keys(self.keys, identity, insecure=self.insecure)
 
     def endpoints(self, bundle: Bundle | None) -> list[str]:
-        """Return where the post listens."""
-        return [self.listen or local_endpoint(bundle)]
+        """Return where the post listens. Raises ``ValueError`` for where it cannot."""
+        listen = local_endpoint(bundle) if self.listen is None else self.listen
+        check_endpoint(listen, bundle)
+        return [listen]
 
 
 @Parameter(name="*")
@@ -81,8 +84,8 @@ class Record:
     """
 
     record: Path = Path("incident.mcap")
-    rotate_mb: Annotated[float, Parameter(validator=Number(gt=0))] = 256.0
-    rotate_hours: Annotated[float, Parameter(validator=Number(gt=0))] = 1.0
+    rotate_mb: Annotated[float, Parameter(validator=Number(gt=0, lte=1e6))] = 256.0
+    rotate_hours: Annotated[float, Parameter(validator=Number(gt=0, lte=1e4))] = 1.0
 
     @property
     def rotation(self) -> Rotation:

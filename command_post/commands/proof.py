@@ -30,11 +30,10 @@ from command_post.proof.trial import (
 )
 from command_post.rehearsing.rehearsal import RehearsalError
 from shared.messages import Mount
+from shared.node_options import Runs, Seed
 from shared.process import ExitCode
 from shared.walk_by import calibration_db, read_walk_by
 
-Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
-Positive = Annotated[int, Parameter(validator=validators.Number(gt=0))]
 HeadingSd = Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=180.0))]
 Spacing = Annotated[float, Parameter(validator=validators.Number(gte=1.0, lte=1000.0))]
 
@@ -51,7 +50,7 @@ def boots(
     spacing: Spacing = 30.0,
     heading_sd: HeadingSd = 30.0,
     seed: Seed = 0,
-    runs: Positive = 1,
+    runs: Runs = 1,
     mount: Mount = "boot",
     method: str | None = None,
     equal_steps: bool = False,
@@ -115,7 +114,7 @@ def radio(
     *,
     heading_sd: HeadingSd = 30.0,
     seed: Seed = 0,
-    runs: Positive = 1,
+    runs: Runs = 1,
     fusion: FusionMethod = "team",
     axis: bool = True,
     json: bool = False,

@@ -22,6 +22,7 @@ from command_post.replay import ReplayReport, Sides, recorded_settings
 from command_post.replay import replay as replay_recording
 from command_post.review.comparison import other_settings
 from shared.config import ConfigError
+from shared.files import check_can_write
 from shared.mcap_reader import RecordingError, read_recording
 from shared.process import ExitCode
 from shared.simulation.plan import Plan, load_plan
@@ -123,9 +124,10 @@ def score_file(
 
     """
     try:
-        evidence = read_evidence(file)
+        check_can_write(picture, "--picture")
         building = load_plan(plan) if plan is not None else None
-    except (RecordingError, ConfigError) as error:
+        evidence = read_evidence(file)
+    except (RecordingError, ValueError) as error:
         _log.error(str(error))
         return ExitCode.USAGE
     told = score(measure(evidence))

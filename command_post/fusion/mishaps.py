@@ -78,7 +78,12 @@ class Mishaps:
     def note(
         self, error: Exception, what: str, role: Role | None = None, node_id: str = ""
     ) -> None:
-        """Note an exception that was caught while doing ``what``."""
+        """Note an exception that was caught while doing ``what``.
+
+        An interrupt is raised again: amid machine code it comes out as what that fails of.
+        """
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise error.__cause__
         if len(self._found) < MOST_KEPT:
             last = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{PurePath(last.filename).name}:{last.lineno}"

@@ -85,7 +85,10 @@ class FoxgloveDoor:
                 context=self._context, message_backlog_size=BACKLOG,
             )  # fmt: skip
         except RuntimeError as error:
-            raise OSError(f"--foxglove {address.host}:{address.port}: {error}") from error
+            raise OSError(
+                f"--foxglove {address.host}:{address.port}: cannot listen ({error}); "
+                "use another port"
+            ) from error
         # They can be asked for before there is anything on them.
         self._channel("/log", Log)
         if origin is not None:

@@ -15,7 +15,7 @@ from configparser import ConfigParser
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 import structlog
 
@@ -51,7 +51,7 @@ class TakServer(NamedTuple):
 def checked_server(server: TakServer) -> TakServer:
     """Return ``server`` if it can be dialled as it stands. Raises ``ValueError``."""
     parts = urlsplit(server.url)
-    if parts.scheme not in ("tcp", "tls") or not parts.hostname or parts.port is None:
+    if parts.scheme not in ("tcp", "tls") or not parts.hostname or not _port(parts):
         raise ValueError(f"--tak {server.url!r}: write tcp://HOST:PORT or tls://HOST:PORT")
     needed = (server.certificate, server.key, server.authority)
     if parts.scheme == "tls" and None in needed:
@@ -61,6 +61,14 @@ def checked_server(server: TakServer) -> TakServer:
             raise ValueError(f"{path}: no such file; give the PEM files that the server issued")
     _check_files(server)
     return server
+
+
+def _port(parts: SplitResult) -> int | None:
+    """Return the port, if there is one that can be."""
+    try:
+        return parts.port
+    except ValueError:
+        return None
 
 
 def _check_files(server: TakServer) -> None:

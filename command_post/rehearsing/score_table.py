@@ -10,6 +10,10 @@ from command_post.evaluation.pooled import PooledMethod, RadiiIntervals, Scenari
 from command_post.evaluation.score_card import Radii, Score
 
 NOTHING = "none"
+LEGEND = (
+    "CE50, CE95: half and 95 % of the horizontal errors are within these. "
+    "PDR alone: dead reckoning, without DAPs."
+)
 
 
 def score_table(score: Score) -> Table:
@@ -63,7 +67,7 @@ def pooled_table(name: str, score: ScenarioScore) -> Table:
 
 
 def _table(*headings: str) -> Table:
-    table = Table()
+    table = Table(caption=LEGEND)
     table.add_column(headings[0])
     for heading in headings[1:]:
         table.add_column(heading, justify="right")

@@ -51,7 +51,7 @@ def page_served(
     if address is None:
         yield None
         return
-    named = None if people is None else _named(people, post_id)
+    named = None if people is None else named_people(people, post_id)
     keys = None if bundle is None or address.is_local else _keys(bundle)
     if keys is not None:
         keys.check()
@@ -69,7 +69,12 @@ def _keys(bundle: Bundle) -> ServerKeys:
     return ServerKeys(bundle.path(CERTIFICATE_FILE), bundle.path(KEY_FILE))
 
 
-def _named(path: Path, post_id: NodeId) -> dict[NodeId, Person]:
+def named_people(path: Path, post_id: NodeId) -> dict[NodeId, Person]:
+    """Return who may sign in at the page of a post, by name.
+
+    Raises ``ConfigError`` for a file that cannot be used, and ``ValueError`` for a name in it that
+    nobody can have.
+    """
     people = load_people(path).people
     for taken in (post_id, LOCAL_NAME):
         if taken in people:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from shared.node_options import Insecure, JournalFile, Keys
+from shared.node_options import Insecure, JournalFile, Keys, Seed
 from shared.radios.live import SCAN_RATE_HZ
 
 
@@ -76,5 +76,5 @@ class Hearing:
     )
     stations: Path | None = None
     config: Path | None = None
-    seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1
+    seed: Seed = 1
     accelerometer: str | None = None

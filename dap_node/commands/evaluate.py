@@ -27,6 +27,7 @@ from dap_node.true_range import PASS_M
 from dap_node.walk_by import BEACON, try_receivers
 from shared.config import checked, load_toml
 from shared.exercise import seeds_in
+from shared.files import check_can_write
 from shared.process import ExitCode
 from shared.simulation.scenario import load_scenario
 
@@ -153,8 +154,7 @@ def _evaluate_recordings(
     *,
     json: bool,
 ) -> int:
-    if plot is not None and not plot.resolve().parent.is_dir():
-        raise ValueError(f"--plot {plot}: no such folder; make it, or give another")
+    check_can_write(plot, "--plot")
     recordings, failed = _read(paths)
     by_kind: dict[str, list[Measured]] = {}
     for recording in recordings:

@@ -24,6 +24,7 @@ from edge_agent.mounts.methods import (
 from edge_agent.mounts.vehicle import WHEELBASE_M
 from edge_agent.sources.trials import find_trials
 from shared.maths.statistics import Summary
+from shared.node_options import Seed
 from shared.process import ExitCode
 
 _log = structlog.stdlib.get_logger(__name__)
@@ -43,7 +44,7 @@ def evaluate(
     wheelbase: Wheelbase = WHEELBASE_M,
     step_scale: StepScale = 1.0,
     paced: Annotated[float | None, Parameter(validator=validators.Number(gte=5.0))] = None,
-    seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 0,
+    seed: Seed = 0,
     degrade: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,

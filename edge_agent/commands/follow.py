@@ -25,7 +25,7 @@ from edge_agent.order_desk import OrderDesk, tell_wearer
 from edge_agent.orders import OrderBook
 from edge_agent.radio_desk import RadioDesk
 from edge_agent.site_desk import SiteDesk
-from edge_agent.sources.opening import open_source
+from edge_agent.sources.opening import check_source, open_source
 from edge_agent.sources.recording import SourceError
 from edge_agent.supply_gauge import SupplyGauge
 from shared.codec import Refusal, decode, parse_key
@@ -35,6 +35,7 @@ from shared.gate import Gate
 from shared.kept_stations import KeptStations
 from shared.messages import LocalPosition, Mayday, TrackStart
 from shared.node import Node, linked
+from shared.node_options import Seed
 from shared.process import (
     ExitCode,
     ended_by_signals,
@@ -56,7 +57,7 @@ def run(
     worn: Worn = Worn(),  # noqa: B008 - it is frozen
     beginning: Beginning = Beginning(),  # noqa: B008 - it is frozen
     speed: Annotated[float, Parameter(validator=validators.Number(gt=0.0, lte=1e4))] = 1.0,
-    seed: Annotated[int, Parameter(validator=validators.Number(gte=0))] = 1,
+    seed: Seed = 1,
     imu: bool = True,
     has: Devices = Devices(),  # noqa: B008 - it is frozen
     await_start: bool = False,
@@ -96,6 +97,9 @@ def run(
     """
     try:
         bundle = itself.open_keys()
+        dialled = itself.dialled(bundle)
+        known_point, place = beginning.known_point, beginning.place
+        check_source(source)
         # A sensor that is read already would wait, or lose, what comes while code is built.
         with ended_by_signals():
             follower = prepared_mount(
@@ -104,20 +108,22 @@ def run(
         opened = open_source(
             source, itself.responder_id, seed, worn.mount, bundle, hears_daps=has.daps > 0
         )
-        known_point, place = beginning.known_point, beginning.place or opened.start
         radios = open_radios(has.radio, "--radio")
         with (
             stop_on_signals() as stop,
             set_by_button() as acknowledged,
             linked(
                 itself.identity, itself.incident, bundle, itself.journal_file, stop,
-                connect=itself.dialled(bundle),
+                connect=dialled,
             ) as node,
         ):  # fmt: skip
             if with_parent:
                 stop_with_parent(stop)
             drop_desk = _drop_desk(node.sender(), has.daps)
-            agent = _agent(node, follower, worn, place, known_point, imu=imu, drop_desk=drop_desk)
+            agent = _agent(
+                node, follower, worn, place or opened.start, known_point,
+                imu=imu, drop_desk=drop_desk,
+            )  # fmt: skip
             node.bus.answer(node.sender().key(TrackStart), lambda _: agent.start_payload)
             with (
                 _orders_heeded(node, itself, acknowledged, agent, drop_desk, has.supplies),

@@ -11,7 +11,8 @@ from cyclopts import Parameter, validators
 from edge_agent.commands.prepare import StepScale, Wheelbase
 from edge_agent.mounts.methods import MethodName, MountName, Told, default_method
 from edge_agent.mounts.vehicle import WHEELBASE_M
-from shared.config import checked
+from shared.bus.zenoh_settings import check_dialled
+from shared.config import ConfigError, checked
 from shared.journal_place import journal_path
 from shared.messages import LocalPosition
 from shared.node_options import Insecure, JournalFile, Keys
@@ -67,7 +68,9 @@ class UnitItself:
         return open_keys(self.keys, self.identity, insecure=self.insecure)
 
     def dialled(self, bundle: Bundle | None) -> tuple[str, ...]:
-        """Return whom it dials."""
+        """Return whom it dials. Raises ``ValueError`` for what cannot be dialled."""
+        for endpoint in self.connect:
+            check_dialled(endpoint, bundle)
         return self.connect or (local_endpoint(bundle),)
 
     @property
@@ -148,7 +151,7 @@ class Beginning:
         place = LocalPosition(
             north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=(1.0, 0.0, 1.0)
         )
-        return checked(place)
+        return _checked_place(place, "--start")
 
     @property
     def known_point(self) -> LocalPosition | None:
@@ -196,6 +199,15 @@ def _known_point(text: str, sd_m: float) -> LocalPosition:
             f"--stands-at {text!r}: write metres as NORTH,EAST or NORTH,EAST,DOWN"
         ) from None
     covariance_m2 = (sd_m**2, 0.0, sd_m**2)
-    return checked(
-        LocalPosition(north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=covariance_m2)
+    point = LocalPosition(
+        north_m=north_m, east_m=east_m, down_m=down_m, covariance_m2=covariance_m2
     )
+    return _checked_place(point, f"--stands-at {text!r}")
+
+
+def _checked_place(place: LocalPosition, option: str) -> LocalPosition:
+    """Return a place that ``option`` gives. Raises ``ConfigError``, which names it."""
+    try:
+        return checked(place)
+    except ConfigError as error:
+        raise ConfigError(f"{option}: {error}") from None

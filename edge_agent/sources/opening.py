@@ -20,7 +20,8 @@ from shared.mcap_reader import RecordingError
 from shared.messages import ImuSample, NodeId
 from shared.security.bundle import Bundle
 
-KINDS = ("csv", "npz", "phone", "phone-live", "mcap", "simulated")
+FILES = ("csv", "npz", "phone", "mcap")
+KINDS = (*FILES, "phone-live", "simulated")
 
 
 def open_source(
@@ -42,12 +43,7 @@ def open_source(
     ``SourceError`` if there is no such kind or the file cannot be used, and
     ``shared.config.ConfigError`` for a scenario that cannot be used.
     """
-    kind, _, where = name.partition(":")
-    if not where or kind not in KINDS:
-        raise SourceError(
-            f"source {name!r}: use csv:FILE, npz:FILE, phone:EXPORT, phone-live:HOST:PORT, "
-            "mcap:FILE[#responder] or simulated:SCENARIO"
-        )
+    kind, where = check_source(name)
     if kind == "simulated":
         from edge_agent.sources.simulated import open_simulated  # noqa: PLC0415
 
@@ -57,6 +53,23 @@ def open_source(
 
         return open_phone(where, SystemClock().now_ns, bundle)
     return _open_file(kind, where, mount)
+
+
+def check_source(name: str) -> tuple[str, str]:
+    """Return a source's kind and where it is, before it is opened.
+
+    Raises ``SourceError`` if there is no such kind, or no such file.
+    """
+    kind, _, where = name.partition(":")
+    if not where or kind not in KINDS:
+        raise SourceError(
+            f"source {name!r}: use csv:FILE, npz:FILE, phone:EXPORT, phone-live:HOST:PORT, "
+            "mcap:FILE[#responder] or simulated:SCENARIO"
+        )
+    file = Path(where.partition("#")[0] if kind == "mcap" else where)
+    if kind in FILES and not file.exists():
+        raise SourceError(f"source {name!r}: {file} is not there; give the path of a recording")
+    return kind, where
 
 
 def _open_file(kind: str, where: str, mount: MountName) -> Source:

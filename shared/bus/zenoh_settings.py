@@ -38,33 +38,34 @@ _ENDPOINT = re.compile(
 )
 
 
-def check_endpoint(endpoint: str, bundle: Bundle | None) -> None:
+def check_endpoint(endpoint: str, bundle: Bundle | None, option: str = "--listen") -> None:
     """Raise ``ValueError`` for an endpoint that is malformed, or that is not safe.
 
     Without a bundle links are neither encrypted nor authenticated, so none leaves this machine.
+    ``option`` is what gives it on every command line.
     """
     protocol = "tcp" if bundle is None else "tls"
     parts = _ENDPOINT.fullmatch(endpoint)
     if parts is None or int(parts["port"]) > 65_535:
         raise ValueError(
-            f"endpoint {endpoint!r}: write {protocol}/HOST:PORT, as in {protocol}/127.0.0.1:7447"
+            f"{option} {endpoint!r}: write {protocol}/HOST:PORT, as in {protocol}/127.0.0.1:7447"
         )
     if bundle is None and not _is_loopback(parts["host"].strip("[]")):
         raise ValueError(
-            f"endpoint {endpoint!r}: without --keys nothing is encrypted or authenticated, so "
+            f"{option} {endpoint!r}: without --keys nothing is encrypted or authenticated, so "
             "only this machine is dialled or listened on; use tcp/127.0.0.1:PORT, or keys"
         )
     if parts["protocol"] != protocol:
         why = "with --keys all links are TLS" if bundle else "TLS needs --keys FOLDER"
-        raise ValueError(f"endpoint {endpoint!r}: {why}; write {protocol}/HOST:PORT")
+        raise ValueError(f"{option} {endpoint!r}: {why}; write {protocol}/HOST:PORT")
 
 
 def check_dialled(endpoint: str, bundle: Bundle | None) -> None:
     """Raise ``ValueError`` for an endpoint that ``check_endpoint`` refuses or none can dial."""
-    check_endpoint(endpoint, bundle)
+    check_endpoint(endpoint, bundle, "--connect")
     if bundle is not None and "[" in endpoint:
         raise ValueError(
-            f"endpoint {endpoint!r}: Zenoh cannot dial an IPv6 address over TLS; "
+            f"--connect {endpoint!r}: Zenoh cannot dial an IPv6 address over TLS; "
             "use an IPv4 address, or a name"
         )
 

@@ -243,13 +243,13 @@ def packaged_or_path(name_or_path: str, folder: Path) -> Path:
 
     Raises ``ConfigError``, naming what is packaged, for a bare name that is not.
     """
-    packaged = folder / f"{name_or_path}.toml"
-    if packaged.parent == folder and packaged.is_file():
-        return packaged
-    if Path(name_or_path).suffix != ".toml":
-        known = ", ".join(sorted(path.stem for path in folder.glob("*.toml")))
-        raise ConfigError(f"{name_or_path}: not packaged; use {known}, or the path of a TOML file")
-    return Path(name_or_path)
+    packaged = {path.stem: path for path in folder.glob("*.toml")}
+    if name_or_path not in packaged and Path(name_or_path).suffix != ".toml":
+        known = ", ".join(sorted(packaged))
+        raise ConfigError(
+            f"{name_or_path or repr('')}: not packaged; use {known}, or the path of a TOML file"
+        )
+    return packaged.get(name_or_path, Path(name_or_path))
 
 
 @cache

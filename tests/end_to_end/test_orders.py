@@ -158,14 +158,6 @@ def test_whom_an_order_is_for_is_to_be_said(rest: tuple[str, ...]) -> None:
             ["click", "--insecure", "--responder", "r/1", "--north", "1", "--east", "2"],
             "--responder 'r/1'",
         ),
-        (
-            ["click", "--insecure", "--responder", "r1", "--north", "1e9", "--east", "2"],
-            "position.north_m",
-        ),
-        (
-            ["click", "--insecure", "--responder", "r1", "--north", "nan", "--east", "2"],
-            "position.north_m",
-        ),
         (["floor", "--insecure", "--height", "3"], "either --responder or --dap"),
         (["floor", "--insecure", "--height", "3", "--dap", "d1", "--responder", "r1"], "either"),
         (

@@ -147,7 +147,7 @@ def test_it_is_for_this_machine_alone() -> None:
     with pytest.raises(ValueError, match="a tunnel: ssh -L"):
         foxglove_address("0.0.0.0:8765")
     with pytest.raises(ValueError, match="HOST:PORT"):
-        Doors(foxglove="8765").check(None)
+        Doors(foxglove="8765").check(None, "post")
     assert foxglove_address("127.0.0.1:8765").port == 8765
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-from command_post.demo import INCIDENT, DemoSettings, watch_the_pace, why_told_late
+from command_post.demo import INCIDENT, watch_the_pace, why_told_late
+from command_post.demo_settings import DemoSettings
 from shared.bus.memory import MemoryNetwork
 from shared.clock import SystemClock
 from shared.codec import encode

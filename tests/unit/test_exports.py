@@ -135,7 +135,7 @@ def test_the_command_writes_all_or_refuses_before(path: Path, tmp_path: Path) ->
     origin = ("--origin", "37.5665,126.978")
     assert export("--output", str(table), "--output", str(lines), *origin) == ExitCode.OK
     assert sorted(tmp_path.iterdir()) == [table, lines]
-    assert export("--output", str(tmp_path / "no" / "a.csv")) == ExitCode.FAILURE
+    assert export("--output", str(tmp_path / "no" / "a.csv")) == ExitCode.USAGE
 
 
 def test_what_cannot_be_written_is_named_as_it_was_given(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from command_post.desks.announcer import Outgoing
 from command_post.desks.command_desk import CommandDesk
+from command_post.fusion.mishaps import Mishaps
 from command_post.fusion.settings import FusionSettings
 from command_post.fusion.team import assembly, culprits, solving
 from command_post.fusion.team.log import TeamLog
@@ -246,3 +247,10 @@ def test_a_thread_that_fails_is_begun_anew(monkeypatch: pytest.MonkeyPatch) -> N
 
     GoingOn().running("refilling", run, Event())
     assert len(times) == 3
+
+
+def test_an_interrupt_amid_machine_code_is_no_mishap() -> None:
+    mishaps = Mishaps()
+    with pytest.raises(KeyboardInterrupt), mishaps.survived("solving"):
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+    assert not mishaps

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import msgspec
@@ -114,6 +115,18 @@ def test_a_plan_beside_the_scenario_is_found(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(GOOD.replace('"house_of_four_daps"', '"hut.toml"'), encoding="utf-8")
     assert load_scenario(str(path)).building.description == "hut"
+
+
+def test_the_one_that_the_docs_show_can_be_used(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text()
+    shown = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "flat.toml").write_text(shown[0])
+    mine = tmp_path / "mine.toml"
+    mine.write_text(shown[1])
+    scenario = load_scenario(str(mine))
+    assert set(scenario.responders) == {"r1", "r2"}
+    for name in scenario.responders:
+        assert len(simulate_walk(scenario, name, 1).footfalls) > 10
 
 
 def test_stairs_must_be_walked_to_before_they_are_climbed() -> None:
