@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import os
+import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,7 @@ settings.register_profile("clew", derandomize=True, deadline=None, max_examples=
 settings.load_profile("clew")
 
 CHECKOUT = Path(__file__).resolve().parent.parent
+COLLECT = (sys.executable, "-m", "pytest", "--collect-only", "--quiet", "-n", "0")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -30,9 +33,12 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config: pytest.Config) -> None:
-    """Have machine code built once, before several of all tests want it at a time."""
+    """Have machine code and bytecode made once, before several of all tests want it at a time."""
     if config.args_source == pytest.Config.ArgsSource.TESTPATHS:
-        build_machine_code()
+        with ExitStack() as meanwhile:
+            if not sys.dont_write_bytecode:
+                meanwhile.enter_context(subprocess.Popen(COLLECT, stdout=subprocess.DEVNULL))
+            build_machine_code()
 
 
 @pytest.fixture(scope="session", autouse=True)

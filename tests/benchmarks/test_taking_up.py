@@ -26,7 +26,7 @@ from tests.benchmarks.test_whole_post import frames
 from tests.waiting import wait_for
 
 MINUTES = float(os.environ.get("CLEW_TAKE_UP_MINUTES", "10"))
-FEW_MINUTES = 1.5
+FEW_MINUTES = 0.8
 RESPONDERS = 12
 
 

@@ -15,7 +15,7 @@ EXERCISE = Exercise("four_daps", SETTINGS, Agents("linear", raw=False))
 
 def test_fusion_brings_the_team_together() -> None:
     # One after the other, that their programs start once.
-    runs = run_chunk(EXERCISE, range(3))
+    runs = run_chunk(EXERCISE, range(2))
     told = pool({"four_daps": [run.errors for run in runs]}).scenarios["four_daps"]
     assert told.live.pair is not None
     assert told.pdr.pair is not None

@@ -68,7 +68,7 @@ def walk(
         yield told, height_filter.correct(told), rise_m
 
 
-def end_errors_m(disturb_pa: Disturb, true_up_m: Array, walks: int = 6) -> tuple[float, float]:
+def end_errors_m(disturb_pa: Disturb, true_up_m: Array, walks: int = 4) -> tuple[float, float]:
     """RMS errors of the height at the end over some walks: by the boot alone, and corrected."""
     errors = []
     for seed in range(walks):
@@ -140,7 +140,7 @@ BAD: dict[str, Disturb] = {
 @pytest.mark.parametrize("true_up_m", [LEVEL, FLIGHTS])
 def test_a_bad_barometer_makes_it_little_worse(disturbance: str, true_up_m: Array) -> None:
     # What is slow errs by nearly as much as is allowed: it is looked at over more walks.
-    walks = 12 if disturbance == SLOW else 6
+    walks = 12 if disturbance == SLOW else 4
     boot_m, both_m = end_errors_m(BAD[disturbance], true_up_m, walks)
     assert both_m < 1.25 * boot_m + 0.1
 
