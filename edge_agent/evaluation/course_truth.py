@@ -66,6 +66,13 @@ class DrivenSpeed:
     speed_m_s: Array
 
 
+def arrived_at(time_s: Array, rested_s: float) -> int:
+    """Return which of one or more moments is the last before a rest, in the later half."""
+    rests = np.diff(time_s) > rested_s
+    rests[: len(rests) // 2] = False
+    return int(np.argmax(rests)) if rests.any() else len(time_s) - 1
+
+
 def out_and_back(truth: StepCount) -> Waypoints | None:
     """Return where who walked ``distance_m``, out and back, landed; ``None`` if it is not known.
 
@@ -74,9 +81,7 @@ def out_and_back(truth: StepCount) -> Waypoints | None:
     """
     if truth.distance_m is None or not truth.steps:
         return None
-    rested = np.diff(truth.time_s) > ARRIVED_S
-    rested[: len(rested) // 2] = False
-    arrived = int(np.argmax(rested)) if rested.any() else len(truth.time_s) - 1
+    arrived = arrived_at(truth.time_s, ARRIVED_S)
     steps = truth.count - truth.count[0]
     gone_m = truth.distance_m * np.minimum(steps / steps[arrived], 1.0)
     north_m = 0.5 * truth.distance_m - np.abs(0.5 * truth.distance_m - gone_m)

@@ -195,6 +195,11 @@ def jittered(recording: Recording, chance: np.random.Generator, sd_s: float) -> 
     return replace(recording, time_ns=np.sort(recording.time_ns + off_ns))
 
 
+def scattered(recording: Recording, chance: np.random.Generator) -> Recording:
+    """Return what a busy program hears: 5 % are lost, and stamps jitter by 5 ms."""
+    return jittered(thinned(recording, chance, 0.05), chance, 0.005)
+
+
 def with_holes(
     recording: Recording, chance: np.random.Generator, share: float, lasting_s: float
 ) -> Recording:
@@ -329,6 +334,7 @@ _WORN: dict[str, Degradation] = {
     "200 Hz, interpolated": _ordered(partial(interpolated, rate_hz=200.0)),
     "stamps off by 5 ms": Degradation(partial(jittered, sd_s=0.005)),
     "5 % lost at random": Degradation(partial(thinned, lost_share=0.05)),
+    "5 % lost, stamps off by 5 ms": Degradation(scattered),
     "20 % lost at random": Degradation(partial(thinned, lost_share=0.2)),
     "5 % lost, 0.1 s each": Degradation(partial(with_holes, share=0.05, lasting_s=0.1)),
     "5 % lost, 0.4 s each": Degradation(partial(with_holes, share=0.05, lasting_s=0.4)),

@@ -22,6 +22,7 @@ METRICS = (
     "coverage95_pct", "coverage95_whole_path_pct", "vertical_rmse_m", "vertical_end_error_m",
     "vertical_increment_rmse_m", "vertical_coverage95_pct", "floor_rmse_m",
     "closure_2d_m", "closure_3d_m", "worst_m", "steps_error_pct", "steps_off", "steps_exact_pct",
+    "off_setting_out", "off_way", "off_turn", "off_arriving", "off_arrived",
     "steps_as_feet_pct", "marks_as_feet_pct",
     "speed_rmse_m_s", "speed_live_rmse_m_s", "realignment_s", "acceleration_rmse_m_s2",
     "acceleration_correlation",
@@ -51,6 +52,7 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     along which heading drifts, and ``vertical_coverage95_pct`` is that of height.
     ``steps_true`` were counted, ``steps_found`` told, ``steps_off`` more than counted;
     ``steps_exact_pct`` is 100 or 0, so that its mean is the share of trials told exactly.
+    ``off_setting_out`` and so on say where they are off (``evaluation/step_places.py``).
     ``steps_by_feet`` are what sensors on the feet tell; ``steps_as_feet_pct`` says whether as many
     were told, ``marks_as_feet_pct`` whether as many were counted, by marks that contradict
     themselves ``contradictions`` times.
@@ -89,6 +91,11 @@ class TrialScore(msgspec.Struct, frozen=True, kw_only=True):
     steps_error_pct: float | None = None
     steps_off: float | None = None
     steps_exact_pct: float | None = None
+    off_setting_out: int | None = None
+    off_way: int | None = None
+    off_turn: int | None = None
+    off_arriving: int | None = None
+    off_arrived: int | None = None
     steps_by_feet: int | None = None
     contradictions: int | None = None
     steps_as_feet_pct: float | None = None

@@ -13,12 +13,9 @@ from edge_agent.evaluation.course_truth import MountTruth, StepCount, Waypoints
 from edge_agent.evaluation.errors import closure
 from edge_agent.evaluation.estimate import EstimatedPath, estimated_path
 from edge_agent.evaluation.score_card import TrialScore, failed_trial
-from edge_agent.evaluation.truth import Array
+from edge_agent.evaluation.step_places import paired, steps_off
 from edge_agent.mounts.interface import Increment
 from shared.units import NS_PER_S
-
-LANDING_TOLERANCE_S = 0.35
-"""A landing is found by a step that ends no further from it; the next foot lands later."""
 
 HEADED_AFTER_M = 10.0
 """So far from the start the way tells how the agent's frame lies."""
@@ -30,8 +27,9 @@ def score_waist(
     """Return the score of steps against counted landings, or of the way against ``Waypoints``.
 
     Every step told counts, before the first landing and after the last as well. A counted course
-    of known length leads out and back, so that the way is scored by its closure, too. Steps told,
-    and steps counted, are compared with those that sensors on the feet tell.
+    of known length leads out and back, so that the way is scored by its closure, too, and steps too
+    many or too few by where they were. Steps told, and steps counted, are compared with those that
+    sensors on the feet tell.
     """
     if not increments:
         return failed_trial(name, group, truth, "no steps found")
@@ -49,7 +47,7 @@ def _with_landings(
 ) -> TrialScore:
     found = sum(one.steps for one in increments)
     ended_s = np.array([one.end_time_ns for one in increments if one.steps]) / NS_PER_S
-    matched = _matched(ended_s, truth.time_s[1:])
+    matched = int(paired(ended_s, truth.time_s[1:]).steps.sum())
     row = TrialScore(
         name=name,
         set=group,
@@ -68,33 +66,21 @@ def _with_landings(
     )
     if truth.distance_m is None:
         return row
+    off = steps_off(increments, truth.time_s[1:])
+    places = {} if off is None else {f"off_{place}": n for place, n in off._asdict().items()}
     told_m = sum(math.hypot(*one.displacement_m[:2]) for one in increments)
     return msgspec.structs.replace(
         row,
         length_m=truth.distance_m,
         distance_error_pct=100.0 * (told_m / truth.distance_m - 1.0),
         closure_2d_m=closure(estimated_path(increments)).closure_2d_m,
+        **places,
     )
 
 
 def _same_pct(told: int, true: int | None) -> float | None:
     """Return 100 or 0, so that the mean over trials is the share of those told exactly."""
     return None if true is None else 100.0 * (told == true)
-
-
-def _matched(ended_s: Array, landed_s: Array) -> int:
-    """Return how many steps have a landing each, the nearest pairs first."""
-    apart_s = np.abs(ended_s[:, None] - landed_s)
-    pairs = zip(*np.unravel_index(np.argsort(apart_s, axis=None), apart_s.shape), strict=True)
-    steps: set[int] = set()
-    landings: set[int] = set()
-    for step, landing in pairs:
-        if apart_s[step, landing] > LANDING_TOLERANCE_S:
-            break
-        if step not in steps and landing not in landings:
-            steps.add(step)
-            landings.add(landing)
-    return len(steps)
 
 
 def worst_m(path: EstimatedPath, truth: Waypoints) -> float:

@@ -20,6 +20,7 @@ from edge_agent.sources.recording import (
     Recording,
     SourceError,
     at_times,
+    refuse_no_pace,
     refuse_other_units,
 )
 from edge_agent.sources.time_stamps import repaired
@@ -36,9 +37,6 @@ SENSORS = ("acc_m_s2", "gyr_rad_s")
 
 BURSTS_SHARE = 0.05
 """Of samples with the stamp of the one before: so many come in bursts, fewer are passed over."""
-
-LONGEST_PERIOD_S, SHORTEST_PERIOD_S = 0.2, 0.0002
-"""Between samples: nothing is told of who wears a slower sensor, and no inertial one is faster."""
 
 BESIDE_S = 2.0
 """A way-point so long before the first sample, or after the last, is still of the recording."""
@@ -82,7 +80,7 @@ def _read(path: Path, *, needs_gyro: bool) -> NpzSet:
     if count < 2:
         raise SourceError(f"{path}: {clock} has shape {time_s.shape}; two samples or more needed")
     _refuse_no_times(path, clock, time_s)
-    _refuse_no_pace(path, clock, time_s)
+    refuse_no_pace(path, clock, time_s)
     rate_rad_s = _at(path, arrays, ("t_gyr_s", "gyr_rad_s"), time_s)
     field_gauss = _at(path, arrays, ("t_mag_s", "mag_gauss"), time_s)
     force_m_s2 = array_of(path, arrays, "acc_m_s2", (count, 3))
@@ -113,23 +111,6 @@ def _stamped(recording: Recording) -> Recording:
 def _refuse_no_times(path: Path, name: str, time_s: Array) -> None:
     if not np.isfinite(time_s).all() or np.abs(time_s).max(initial=0.0) > LARGEST_TIME_S:
         raise SourceError(f"{path}: {name} holds times that are no seconds; export it again")
-
-
-def _refuse_no_pace(path: Path, name: str, time_s: Array) -> None:
-    """Refuse times in another unit, and those that lost what is behind the point."""
-    apart_s = np.abs(np.diff(time_s))
-    if not apart_s.any():
-        raise SourceError(
-            f"{path}: {name} is {time_s[0]:g} in all {len(time_s)} samples: the recorder's clock "
-            "stood still; give the sensor's own times"
-        )
-    # Samples may come in bursts of one stamp, and pauses may be long.
-    usual_s, mean_s = float(np.median(apart_s[apart_s > 0.0])), float(apart_s.mean())
-    if min(usual_s, mean_s) > LONGEST_PERIOD_S or max(usual_s, mean_s) < SHORTEST_PERIOD_S:
-        raise SourceError(
-            f"{path}: {name} advances by {usual_s:.3g} s a sample, which is no inertial sensor's: "
-            "give times in seconds, in 64 bits, 25 a second or more"
-        )
 
 
 def _at(

@@ -112,7 +112,7 @@ def _tell_silence(path: Path, time_s: Array, rate_rad_s: Array | None) -> None:
     if silent.any():
         _log.warning(
             f"{path}: the gyroscope tells nothing of some samples: nobody knows how it turned",
-            samples=np.count_nonzero(silent),
+            samples=int(np.count_nonzero(silent)),
             of=len(time_s),
             first_s=round(float(time_s[silent][0]), 3),
         )

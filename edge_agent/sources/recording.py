@@ -25,6 +25,9 @@ or mg is not."""
 FASTEST_RAD_S = 40.0
 """2300 °/s, beyond the range of the sensors in use: nobody turns so fast a tenth of the time."""
 
+LONGEST_PERIOD_S, SHORTEST_PERIOD_S = 0.2, 0.0002
+"""Between samples: nothing is told of who wears a slower sensor, and no inertial one is faster."""
+
 LARGEST_TIME_S = 9e9
 """Nanoseconds of more do not fit into 64 bits."""
 
@@ -131,6 +134,26 @@ def refuse_other_rates(path: Path, rate_rad_s: Array, name: str) -> None:
         raise SourceError(f"{path}: {name} holds no reading; leave it out, or export it again")
     if float(np.percentile(rates.max(axis=1), 90.0)) > FASTEST_RAD_S:
         raise SourceError(f"{path}: {name} turns faster than anything worn: is it in °/s?")
+
+
+def refuse_no_pace(path: Path, name: str, time_s: Array) -> None:
+    """Refuse times (n,) in another unit, and those that lost what is behind the point.
+
+    ``name`` is what the file calls them.
+    """
+    apart_s = np.abs(np.diff(time_s))
+    if not apart_s.any():
+        raise SourceError(
+            f"{path}: {name} is {time_s[0]:g} in all {len(time_s)} samples: the recorder's clock "
+            "stood still; give the sensor's own times"
+        )
+    # Samples may come in bursts of one stamp, and pauses may be long.
+    usual_s, mean_s = float(np.median(apart_s[apart_s > 0.0])), float(apart_s.mean())
+    if min(usual_s, mean_s) > LONGEST_PERIOD_S or max(usual_s, mean_s) < SHORTEST_PERIOD_S:
+        raise SourceError(
+            f"{path}: {name} advances by {usual_s:.3g} s a sample, which is no inertial sensor's: "
+            "give times in seconds, in 64 bits, 25 a second or more"
+        )
 
 
 def at_times(time_s: Array, own_s: Array, readings: Array, within_s: float = math.inf) -> Array:

@@ -23,6 +23,7 @@ from edge_agent.sources.recording import (
     Array,
     Recording,
     SourceError,
+    refuse_no_pace,
     refuse_other_rates,
 )
 from edge_agent.sources.text_table import cells_of, delimiter_of, number_in, read_lines
@@ -270,6 +271,7 @@ def _time_s(path: Path, table: _Table) -> Array:
         raise SourceError(
             f"{path}: {header} reads {np.abs(time_s).max():g} s, which is no time; correct its unit"
         )
+    refuse_no_pace(path, header, time_s)
     return time_s
 
 

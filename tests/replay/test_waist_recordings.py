@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from edge_agent.evaluation.score_card import TrialScore
+from edge_agent.evaluation.step_places import StepsOff
 from edge_agent.evaluation.waist_score import score_waist
 from edge_agent.mounts.methods import MethodName, make_mount
 from edge_agent.sources.feet_trials import trunk_between, whole_feet
@@ -42,6 +43,13 @@ def test_steps_of_nine_people_are_counted(robust: list[TrialScore]) -> None:
     assert np.mean(off <= 1.0) >= 0.8
     assert magnitudes(robust, "missed_stances_pct").mean() <= 6.0
     assert magnitudes(robust, "false_stances_pct").mean() <= 6.0
+
+
+def test_steps_are_miscounted_at_the_ends_and_in_the_turn(robust: list[TrialScore]) -> None:
+    places = [f"off_{place}" for place in StepsOff._fields]
+    for row in robust:
+        assert sum(getattr(row, place) for place in places) == row.steps_off
+    assert np.mean(magnitudes(robust, "off_way") == 0.0) >= 0.9
 
 
 def test_marks_are_as_the_feet_tell_where_no_sample_of_them_is_lost(

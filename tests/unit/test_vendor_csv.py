@@ -239,6 +239,10 @@ BROKEN = {
         "Gyroscope X (deg/s) has no reading in any row",
     ),
     "time is no number": (f"{X_IO}\nnan,0,0,0,0,0,1\n{REST}", "is not finite"),
+    "time in another unit": (
+        f"{X_IO}\n0,0,0,0,0,0,1\n10,0,0,0,0,0,1\n20,0,0,0,0,0,1\n",
+        "Time (s) advances by 10 s a sample, which is no inertial sensor's",
+    ),
     "time in no unit": (f"{X_IO.replace(' (s)', '')}\n0,0,0,0,0,0,1\n1e5,0,0,0,0,0,1\n", "no unit"),
 }
 
