@@ -80,10 +80,14 @@ class Mishaps:
     ) -> None:
         """Note an exception that was caught while doing ``what``.
 
-        An interrupt is raised again: amid machine code it comes out as what that fails of.
+        An interrupt is raised again: amid machine code it comes out as what that fails of, of one
+        function after another.
         """
-        if isinstance(error.__cause__, KeyboardInterrupt):
-            raise error.__cause__
+        cause = error.__cause__
+        while cause is not None:
+            if isinstance(cause, KeyboardInterrupt):
+                raise cause
+            cause = cause.__cause__
         if len(self._found) < MOST_KEPT:
             last = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{PurePath(last.filename).name}:{last.lineno}"

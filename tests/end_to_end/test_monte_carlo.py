@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from command_post.commands import offline
 from command_post.commands.offline import montecarlo
 from command_post.evaluation.pooled import PooledScore, pool
 from command_post.fusion.settings import FusionSettings
@@ -71,9 +72,13 @@ def test_two_scenarios_of_one_name_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_picture_that_cannot_be_drawn_costs_no_score(
-    tmp_path: Path, capsysbinary: pytest.CaptureFixture[bytes]
+    tmp_path: Path, capsysbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    picture = tmp_path / "nowhere" / "x.png"
+    def full(*_: object) -> None:
+        raise OSError("no space left")
+
+    picture = tmp_path / "x.png"
+    monkeypatch.setattr(offline, "_draw", full)
     code = montecarlo(
         scenario=["corridor"], runs=1, odometry="strides", workers=10**6, picture=picture, json=True
     )

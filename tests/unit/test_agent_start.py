@@ -50,8 +50,8 @@ def test_a_source_is_opened_when_the_method_is_ready(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(follow, "prepared_mount", ready)
     monkeypatch.setattr(follow, "open_source", opened)
     itself = UnitItself("r1", insecure=True)
-    assert follow.run(itself=itself, source="csv:walk.csv") == ExitCode.USAGE
-    assert done == ["boot None", "csv:walk.csv"]
+    assert follow.run(itself=itself, source="phone-live:127.0.0.1:1") == ExitCode.USAGE
+    assert done == ["boot None", "phone-live:127.0.0.1:1"]
 
 
 @pytest.mark.parametrize("built", [True, False])

@@ -251,6 +251,8 @@ def test_a_thread_that_fails_is_begun_anew(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_an_interrupt_amid_machine_code_is_no_mishap() -> None:
     mishaps = Mishaps()
+    inner = SystemError("_numba_unpickle returned a result with an exception set")
+    inner.__cause__ = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt), mishaps.survived("solving"):
-        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+        raise SystemError("CPUDispatcher returned a result with an exception set") from inner
     assert not mishaps
