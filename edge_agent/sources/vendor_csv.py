@@ -311,7 +311,8 @@ def _force_m_s2(path: Path, table: _Table) -> Array:
             return readings * scale
     raise SourceError(
         f"{path}: the accelerometer mostly reads {median:g}, which is not gravity in "
-        f"{table.columns['force x'].unit or 'any known unit'}; correct the unit in the header"
+        f"{table.columns['force x'].unit or 'any known unit'}; "
+        "correct the unit, or the columns' names, in the header"
     )
 
 
