@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from rich.table import Table
 
+from command_post.evaluation.naming import Harm, Naming
 from command_post.evaluation.pooled import PooledMethod, RadiiIntervals, ScenarioScore, Vertical
 from command_post.evaluation.score_card import Radii, Score
 
@@ -60,6 +61,34 @@ def pooled_table(name: str, score: ScenarioScore) -> Table:
         for what, each in told.items():
             table.add_row(f"{node_id}: {what}", "", f"{each.runs} runs, after {each.first_s:.0f} s")
     return table
+
+
+def naming_table(told: Mapping[str, Mapping[str, Naming]]) -> Table:
+    """Return what was named of what went wrong, and whom it harmed, by scenario and mishap."""
+    table = _table(
+        "CE50 / CE95, in order → so", "named", "after", "otherwise", "falsely, in runs",
+        "affected", "others", "DAP off",
+    )  # fmt: skip
+    for name, mishaps in told.items():
+        for mishap, each in mishaps.items():
+            table.add_row(
+                f"{name}, {mishap}",
+                f"{each.rightly} of {each.things}",
+                "" if each.after_s is None else f"{each.after_s:.0f} s",
+                f"{each.otherwise}",
+                ", ".join(f"{what} {runs}" for what, runs in each.falsely.items()),
+                *map(_harm, (each.affected, each.others, each.daps)),
+            )
+        table.add_section()
+    return table
+
+
+def _harm(harm: Harm) -> str:
+    return "" if harm.wrong is None else f"{_short(harm.in_order)} → {_short(harm.wrong)}"
+
+
+def _short(told: Radii | None) -> str:
+    return NOTHING if told is None else f"{told.ce50_m:.1f} / {told.ce95_m:.1f}"
 
 
 def _table(*headings: str) -> Table:
