@@ -28,6 +28,8 @@ NAMED_AS: Mapping[str, str] = {
 """As what each fault is rightly told. A unit that begins anew says so itself."""
 
 DOUBT = "doubt_"
+WRONG_CLOCK = "wrong_clock"
+"""Of what notices are that tell what the fusion doubts, and of whose messages come too soon."""
 
 
 class WrongThing(NamedTuple):
@@ -98,11 +100,7 @@ def naming(scenario: Scenario, trials: Sequence[Trial]) -> Naming:
     otherwise = 0
     falsely: Counter[str] = Counter()
     for trial in trials:
-        doubts_s = {
-            (what.removeprefix(DOUBT), node_id): time_s
-            for (what, node_id), time_s in trial.told_s.items()
-            if what.startswith(DOUBT)
-        }
+        doubts_s = _doubts_s(trial.told_s)
         falsely.update(f"{node_id} {what}" for what, node_id in doubts_s if node_id not in nodes)
         for thing in things:
             if not thing.node_ids <= _there(scenario, trial.in_order):
@@ -120,6 +118,16 @@ def naming(scenario: Scenario, trials: Sequence[Trial]) -> Naming:
         others=_harm(_tracks_of(trials, frozenset(scenario.responders) - nodes)),
         daps=_harm(_daps_of(trials, nodes)),
     )  # fmt: skip
+
+
+def _doubts_s(told_s: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:
+    """Return when each node was first told to be wrong, by as what and of whom."""
+    found: dict[tuple[str, str], float] = {}
+    for (reason, node_id), time_s in told_s.items():
+        if reason.startswith(DOUBT) or reason == WRONG_CLOCK:
+            kind = "clock" if reason == WRONG_CLOCK else reason.removeprefix(DOUBT)
+            found[kind, node_id] = min(time_s, found.get((kind, node_id), time_s))
+    return found
 
 
 def _there(scenario: Scenario, errors: RunErrors) -> set[NodeId]:

@@ -42,7 +42,8 @@ def test_each_thing_is_counted_once_in_each_run(scenario: Scenario) -> None:
         ("doubt_swapped", "r2"): 40.0,
         ("doubt_swapped", "r4"): 60.0,
         ("doubt_clock", "r1"): 90.0,
-        ("clock_wrong", "r1"): 10.0,
+        ("wrong_clock", "r1"): 10.0,
+        ("refused", "r1"): 5.0,
     }
     told = naming(scenario, [Trial(BAD, GOOD, told_s), Trial(BAD, GOOD, {})])
     assert (told.runs, told.things, told.rightly, told.otherwise) == (2, 6, 2, 1)

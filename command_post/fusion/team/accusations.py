@@ -37,6 +37,11 @@ class Node(NamedTuple):
         """What it is known by from one commit to the next."""
         return f"{self.role}/{self.node_id}"
 
+    @property
+    def witnesses(self) -> set[int]:
+        """Whose passes of it stand out, by chain."""
+        return {each.chain for each in self.passes if each.cost > STANDS_OUT}
+
 
 def against(log: TeamLog, solved: Solved, node: Node, others: list[Node]) -> Iterator[Suspicion]:
     """Say what a node may be suspected of, as the team is solved of ``log``."""
@@ -55,7 +60,7 @@ def _against_dap(solved: Solved, node: Node, since_ns: int) -> Iterator[Suspicio
     if split is not None:
         yield Suspicion("moved", "dap", node.node_id, _between(node.passes, split[0]))
     # What one responder alone contradicts says more about them.
-    if len({each.chain for each in node.passes if each.cost > STANDS_OUT}) > 1:
+    if len(node.witnesses) > 1:
         for time_ns in sorted({first_ns, since_ns}):
             yield Suspicion("astray", "dap", node.node_id, time_ns)
     for ahead_s in _clocks_ahead_s(solved, node):
@@ -105,7 +110,9 @@ def _clocks_ahead_s(solved: Solved, node: Node) -> list[float]:
 
     Or in between, where that is far off.
     """
-    ahead_s = best_ahead_s(solved, node.passes, of_responder=node.role == "responder")
+    # Where two met is as either had it: whose clock dated that is not known.
+    of_daps = [each for each in node.passes if each.place[0] == "dap"]
+    ahead_s = best_ahead_s(solved, of_daps, of_responder=node.role == "responder")
     longer = (2.0,) if abs(ahead_s) <= FAR_AHEAD_S else (1.25, 1.5, 2.0)
     return sorted({
         ahead_s, *(max(min(each * ahead_s, MOST_AHEAD_S), -MOST_AHEAD_S) for each in longer)

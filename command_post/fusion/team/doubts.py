@@ -66,6 +66,8 @@ large the map is, or how blunt radio is here. And of so many who were not where 
 most of them so, it is the DAP that they all passed.
 """
 
+HELD = "held/"
+
 LEAST_SCALE_OFF = 0.1
 """By no less are strides too long or short beside others': else all of a map would be smaller."""
 
@@ -188,6 +190,7 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     most_daps = max(1, sum(node.role == "dap" for node in every) // FEWEST_TO_ONE)
     examined = dict(verdict.examined)
     best: tuple[Solved, Held] | None = None
+    passes = 0
     for role, most in case.suspects.items():
         if role == "dap" and _doubted_daps(verdict) >= most_daps:
             continue
@@ -198,11 +201,13 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
             examined[node.name] = len(node.passes)
             found = _best(case, verdict.solved, node, of_role, kept)
             if found is not None and (best is None or _net(found[1]) > _net(best[1])):
-                best = found
+                best, passes = found, len(node.passes)
     if best is None or _net(best[1]) < 0.0:
         return verdict._replace(examined=examined)
-    # What else stands out may be due to the same, and is looked at again.
-    return Verdict(best[0], with_one_more(verdict.held, best[1]), verdict.examined)
+    # What else stands out, or is held, may be due to the same, and is looked at again.
+    weighed = {_mark(best[1].suspicion): passes}
+    rest = {name: count for name, count in verdict.examined.items() if not name.startswith(HELD)}
+    return Verdict(best[0], with_one_more(verdict.held, best[1]), rest | weighed)
 
 
 def with_one_more(held: tuple[Held, ...], fresh: Held) -> tuple[Held, ...]:
@@ -239,7 +244,7 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
     node = next(
         (n for n in nodes if (n.role, n.node_id) == (suspicion.role, suspicion.node_id)), None
     )
-    mark = f"held/{suspicion.role}/{suspicion.node_id}"
+    mark = _mark(suspicion)
     if node is None or verdict.examined.get(mark) == len(node.passes):
         return verdict
     examined = {**verdict.examined, mark: len(node.passes)}
@@ -251,6 +256,11 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
         return Verdict(without, rest, examined)
     stood = held.stood or gain > PRICE[suspicion.kind]
     return Verdict(verdict.solved, (*rest, Held(suspicion, gain, stood)), examined)
+
+
+def _mark(suspicion: Suspicion) -> str:
+    """Return by what name it is known how many passes something that is held was weighed by."""
+    return f"{HELD}{suspicion.role}/{suspicion.node_id}"
 
 
 def _net(held: Held) -> float:
@@ -276,7 +286,8 @@ def _best(
         tried = _solved_with(case, solved, kept, suspicion)
         if tried is None:
             continue
-        held = Held(suspicion, _gain(solved, tried, suspicion, node))
+        gain = _gain(solved, tried, suspicion, node)
+        held = Held(suspicion, gain, of_one=node.role == "dap" and len(node.witnesses) < 2)
         if best is None or _net(held) > _net(best[1]):
             best = tried, held
     return best
