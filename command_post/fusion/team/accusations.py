@@ -12,6 +12,7 @@ from command_post.fusion.team.misfits import (
     best_ahead_s,
     best_since,
     best_split,
+    leans,
     worst_bend,
     worst_fix,
 )
@@ -36,6 +37,11 @@ class Node(NamedTuple):
     def name(self) -> str:
         """What it is known by from one commit to the next."""
         return f"{self.role}/{self.node_id}"
+
+    @property
+    def of_daps(self) -> list[Pass]:
+        """Those of them that date by its own clock: where two met, either's may be meant."""
+        return [each for each in self.passes if each.place[0] == "dap"]
 
     @property
     def witnesses(self) -> set[int]:
@@ -80,8 +86,7 @@ def _against_responder(
     stand_out = {each.place[:2] for each in node.passes if each.cost > STANDS_OUT}
     if len(stand_out) == 1 < len(passed) and worst_bend(solved, chain).cost <= STANDS_OUT:
         return
-    for ahead_s in _clocks_ahead_s(solved, node):
-        yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
+    yield from against_clock(solved, node)
     for time_ns in sorted({worst_bend(solved, chain).time_ns, since_ns}):
         if time_ns > begin_ns:
             yield Suspicion("renewed", "responder", node.node_id, time_ns)
@@ -89,6 +94,20 @@ def _against_responder(
         if other.role == "responder" and other.node_id != node.node_id:
             for time_ns in sorted({0, since_ns}):
                 yield Suspicion("swapped", "responder", node.node_id, time_ns, other.node_id)
+
+
+def against_clock(solved: Solved, node: Node) -> Iterator[Suspicion]:
+    """Say by how much a responder's clock may be ahead."""
+    begin_ns = int(solved.assembled.chains[node.passes[0].chain].time_ns[0])
+    for ahead_s in _clocks_ahead_s(solved, node):
+        yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
+
+
+def leaning(nodes: list[Node], solved: Solved) -> Node | None:
+    """Return the responder all of whose passes of DAPs pull most to be sooner, or later, if any."""
+    pulls = {node.node_id: leans(solved, node.of_daps) for node in nodes}
+    most = max(nodes, key=lambda each: (pulls[each.node_id], each.node_id), default=None)
+    return most if most and pulls[most.node_id] > 0.0 else None
 
 
 def _doubtful_words(own: ResponderLog, solved: Solved, chain: int) -> set[int]:
@@ -110,9 +129,7 @@ def _clocks_ahead_s(solved: Solved, node: Node) -> list[float]:
 
     Or in between, where that is far off.
     """
-    # Where two met is as either had it: whose clock dated that is not known.
-    of_daps = [each for each in node.passes if each.place[0] == "dap"]
-    ahead_s = best_ahead_s(solved, of_daps, of_responder=node.role == "responder")
+    ahead_s = best_ahead_s(solved, node.of_daps, of_responder=node.role == "responder")
     longer = (2.0,) if abs(ahead_s) <= FAR_AHEAD_S else (1.25, 1.5, 2.0)
     return sorted({
         ahead_s, *(max(min(each * ahead_s, MOST_AHEAD_S), -MOST_AHEAD_S) for each in longer)

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import islice
 from typing import NamedTuple
 
-from command_post.fusion.team.accusations import Node, against
+from command_post.fusion.team.accusations import Node, against, against_clock, leaning
 from command_post.fusion.team.arithmetic import logarithm
 from command_post.fusion.team.assembly import Noise, assemble
 from command_post.fusion.team.graph import FIRST_UNIT
@@ -66,7 +66,7 @@ large the map is, or how blunt radio is here. And of so many who were not where 
 most of them so, it is the DAP that they all passed.
 """
 
-HELD = "held/"
+RAISED, HELD, LEANS = "raised/", "held/", "leans/"
 
 LEAST_SCALE_OFF = 0.1
 """By no less are strides too long or short beside others': else all of a map would be smaller."""
@@ -183,7 +183,10 @@ def _strain(own: ResponderLog, solved: Solved, index: int) -> float:
 
 
 def _suspected(case: _Case, verdict: Verdict) -> Verdict:
-    """Return the verdict with the best of the suspicions against all nodes that stand out."""
+    """Return the verdict with the best of the suspicions against all nodes that stand out.
+
+    Where none is found, against the clock of the one responder whose way most likely bent to it.
+    """
     kept = tuple(each.suspicion for each in verdict.held)
     every = _nodes(supposed(case.log, kept), verdict.solved)
     nodes = [node for node in every if node.misfit > LEAST_MISFIT]
@@ -202,12 +205,21 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
             found = _best(case, verdict.solved, node, of_role, kept)
             if found is not None and (best is None or _net(found[1]) > _net(best[1])):
                 best, passes = found, len(node.passes)
+    if best is None and not case.of_crowd:
+        quiet = [node for node in every if node.role == "responder" and node not in nodes]
+        fresh = [node for node in quiet if examined.get(LEANS + node.name) != len(node.passes)]
+        examined |= {LEANS + node.name: len(node.passes) for node in fresh}
+        pulled = leaning(fresh, verdict.solved)
+        if pulled is not None:
+            clocks = against_clock(verdict.solved, pulled)
+            best = _best_of(case, verdict.solved, pulled, clocks, kept)
+            passes = len(pulled.passes)
     if best is None or _net(best[1]) < 0.0:
         return verdict._replace(examined=examined)
     # What else stands out, or is held, may be due to the same, and is looked at again.
-    weighed = {_mark(best[1].suspicion): passes}
     rest = {name: count for name, count in verdict.examined.items() if not name.startswith(HELD)}
-    return Verdict(best[0], with_one_more(verdict.held, best[1]), rest | weighed)
+    raised = {_mark(RAISED, best[1].suspicion): passes}
+    return Verdict(best[0], with_one_more(verdict.held, best[1]), rest | raised)
 
 
 def with_one_more(held: tuple[Held, ...], fresh: Held) -> tuple[Held, ...]:
@@ -225,7 +237,7 @@ def with_one_more(held: tuple[Held, ...], fresh: Held) -> tuple[Held, ...]:
     whole_gain = math.fsum([gain, *(each.gain for each in alike)])
     stood = stood or any(each.stood for each in alike)
     rest = tuple(each for each in held if each not in alike)
-    return (*rest, Held(whole, whole_gain, stood))
+    return (*rest, fresh._replace(suspicion=whole, gain=whole_gain, stood=stood))
 
 
 def _doubted_daps(verdict: Verdict) -> int:
@@ -244,7 +256,7 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
     node = next(
         (n for n in nodes if (n.role, n.node_id) == (suspicion.role, suspicion.node_id)), None
     )
-    mark = _mark(suspicion)
+    mark = _mark(HELD, suspicion)
     if node is None or verdict.examined.get(mark) == len(node.passes):
         return verdict
     examined = {**verdict.examined, mark: len(node.passes)}
@@ -254,13 +266,15 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
         return Verdict(best[0], (*rest, best[1]), examined)
     if gain < KEPT_SHARE * PRICE[suspicion.kind]:
         return Verdict(without, rest, examined)
-    stood = held.stood or gain > PRICE[suspicion.kind]
-    return Verdict(verdict.solved, (*rest, Held(suspicion, gain, stood)), examined)
+    # Who alone contradicts a DAP, or others, must have done so once more.
+    is_new = len(node.passes) != verdict.examined.get(_mark(RAISED, suspicion))
+    stood = held.stood or (gain > PRICE[suspicion.kind] and (is_new or not held.of_one))
+    return Verdict(verdict.solved, (*rest, held._replace(gain=gain, stood=stood)), examined)
 
 
-def _mark(suspicion: Suspicion) -> str:
-    """Return by what name it is known how many passes something that is held was weighed by."""
-    return f"{HELD}{suspicion.role}/{suspicion.node_id}"
+def _mark(what: str, suspicion: Suspicion) -> str:
+    """Return by what name it is known by how many passes something was ``RAISED``, or ``HELD``."""
+    return f"{what}{suspicion.role}/{suspicion.node_id}"
 
 
 def _net(held: Held) -> float:
@@ -271,14 +285,22 @@ def _best(
     case: _Case, solved: Solved, node: Node, others: list[Node], kept: tuple[Suspicion, ...],
     *, again: bool = False,
 ) -> tuple[Solved, Held] | None:  # fmt: skip
-    best: tuple[Solved, Held] | None = None
     which = tried_of_crowd(case.number, again=again) if case.of_crowd else range(sys.maxsize)
+    suspicions = against(supposed(case.log, kept), solved, node, others)
+    return _best_of(case, solved, node, islice(suspicions, which.start, which.stop), kept)
+
+
+def _best_of(
+    case: _Case, solved: Solved, node: Node, suspicions: Iterable[Suspicion],
+    kept: tuple[Suspicion, ...],
+) -> tuple[Solved, Held] | None:  # fmt: skip
+    """Return the best of suspicions against a node beside those that are kept, and its solution."""
+    best: tuple[Solved, Held] | None = None
     scales = sum(each.kind == "scale" for each in kept)
     placed_wrongly = {each.node_id for each in kept if each.kind == "misplaced"} - {node.node_id}
     chains = len(solved.assembled.chains)
     most_scales = max(1, chains // FEWEST_TO_ONE) if chains > 1 else 0
-    suspicions = against(supposed(case.log, kept), solved, node, others)
-    for suspicion in islice(suspicions, which.start, which.stop):
+    for suspicion in suspicions:
         if suspicion.kind == "scale" and scales >= most_scales:
             continue
         if suspicion.kind == "misplaced" and len(placed_wrongly) >= max(1, most_scales):
