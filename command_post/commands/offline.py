@@ -211,7 +211,8 @@ def mishaps(
     if json:
         sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(told)) + b"\n")
     else:
-        Console().print(naming_table(told))
+        for name, namings in told.items():
+            Console().print(naming_table(name, namings))
     return ExitCode.OK
 
 

@@ -63,23 +63,23 @@ def pooled_table(name: str, score: ScenarioScore) -> Table:
     return table
 
 
-def naming_table(told: Mapping[str, Mapping[str, Naming]]) -> Table:
-    """Return what was named of what went wrong, and whom it harmed, by scenario and mishap."""
+def naming_table(name: str, told: Mapping[str, Naming]) -> Table:
+    """Return what was named of what went wrong in a scenario, by mishap, and whom it harmed."""
+    runs = max(each.runs for each in told.values())
     table = _table(
-        "CE50 / CE95, in order → so", "named", "after", "otherwise", "falsely, in runs",
-        "affected", "others", "DAP off",
-    )  # fmt: skip
-    for name, mishaps in told.items():
-        for mishap, each in mishaps.items():
-            table.add_row(
-                f"{name}, {mishap}",
-                f"{each.rightly} of {each.things}",
-                "" if each.after_s is None else f"{each.after_s:.0f} s",
-                f"{each.otherwise}",
-                ", ".join(f"{what} {runs}" for what, runs in each.falsely.items()),
-                *map(_harm, (each.affected, each.others, each.daps)),
-            )
-        table.add_section()
+        f"{name}, runs: {runs}", "named", "after", "else told", "affected", "others", "DAPs off"
+    )
+    table.columns[0].min_width = max(map(len, told))
+    for mishap, each in told.items():
+        falsely = [f"{what} ({runs})" for what, runs in each.falsely.items()]
+        otherwise = [f"otherwise ({each.otherwise})"] if each.otherwise else []
+        table.add_row(
+            mishap,
+            f"{each.rightly} of {each.things}" if each.things else "",
+            "" if each.after_s is None else f"{each.after_s:.0f} s",
+            ", ".join(otherwise + falsely),
+            *map(_harm, (each.affected, each.others, each.daps)),
+        )
     return table
 
 
@@ -88,7 +88,7 @@ def _harm(harm: Harm) -> str:
 
 
 def _short(told: Radii | None) -> str:
-    return NOTHING if told is None else f"{told.ce50_m:.1f} / {told.ce95_m:.1f}"
+    return NOTHING if told is None else f"{told.ce50_m:.1f}/{told.ce95_m:.1f}"
 
 
 def _table(*headings: str) -> Table:

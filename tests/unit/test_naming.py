@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
+from rich.console import Console
 
+from command_post.commands.offline import mishaps
 from command_post.evaluation.errors import MethodErrors, RunErrors, TrackErrors
 from command_post.evaluation.naming import Trial, naming, wrong_things
 from command_post.evaluation.score_card import Radii
+from command_post.rehearsing.score_table import naming_table
+from shared.process import ExitCode
 from shared.simulation.scenario import Scenario, load_scenario
 
 
@@ -59,3 +65,17 @@ def test_a_dap_that_nobody_set_down_is_not_wrong(scenario: Scenario) -> None:
     told = naming(scenario, [Trial(never, never, {})])
     assert told.things == 2
     assert told.daps.wrong is None
+
+
+def test_the_table_says_what_was_named_and_what_else(scenario: Scenario) -> None:
+    told = naming(scenario, [Trial(BAD, GOOD, {("doubt_clock", "r1"): 90.0})])
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(naming_table("offices", {"two_at_once": told}))
+    (row,) = (line for line in console.export_text().splitlines() if "two_at_once" in line)
+    cells = [cell.strip() for cell in row.strip("│").split("│")]
+    assert cells[:4] == ["two_at_once", "0 of 3", "", "r1 clock (1)"]
+    assert cells[4:] == ["1.0/1.0 → 9.0/9.0", "1.0/1.0 → 2.0/2.0", "0.5/0.5 → 7.0/7.0"]
+
+
+def test_a_mishap_that_there_is_not_is_refused_before_anything_is_run() -> None:
+    assert mishaps(scenario=["offices"], mishap=["no_such"]) == ExitCode.USAGE
