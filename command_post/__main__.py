@@ -36,6 +36,7 @@ COMMANDS = (
     "export:export",
     "offline:rehearse",
     "offline:montecarlo",
+    "offline:mishaps",
     "offline:plan",
     "proof:proof",
     "recordings:verify",

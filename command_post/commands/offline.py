@@ -13,6 +13,7 @@ from cyclopts import Parameter, validators
 from rich.console import Console
 from rich.progress import Progress
 
+from command_post.evaluation.naming import Naming, Trial, naming
 from command_post.evaluation.pooled import PooledScore, latency, pool, told_of
 from command_post.fusion.settings import FusionMethod, FusionSettings
 from command_post.fusion.team.settings import TeamSettings
@@ -24,14 +25,14 @@ from command_post.rehearsing.cluster import ClusterError
 from command_post.rehearsing.monte_carlo import Exercise, Run, run_many, run_one
 from command_post.rehearsing.rehearsal import Agents, BootMethod, RehearsalError
 from command_post.rehearsing.rehearsal import rehearse as rehearse_scenario
-from command_post.rehearsing.score_table import pooled_table
+from command_post.rehearsing.score_table import naming_table, pooled_table
 from shared.config import ConfigError, checked
 from shared.exercise import REHEARSAL_INCIDENT
 from shared.files import check_can_write, replace_atomically
 from shared.node_options import Runs, Seed
 from shared.process import ExitCode
 from shared.simulation.odometry_errors import OdometrySource
-from shared.simulation.scenario import load_scenario
+from shared.simulation.scenario import MISHAPS, load_scenario
 
 Workers = Annotated[int, Parameter(validator=validators.Number(gt=0, lte=1024))]
 
@@ -162,6 +163,75 @@ def montecarlo(
     return ExitCode.OK
 
 
+def mishaps(
+    *,
+    scenario: list[str],
+    mishap: list[str] | None = None,
+    runs: Runs = 2,
+    seed: Seed = 0,
+    workers: Workers = 2,
+    json: bool = False,
+) -> int:
+    """Let one thing after another go wrong in scenarios, and say if it is named and whom it harms.
+
+    Each is run beside the same seeds with all in order. Example: command-post mishaps
+    --scenario three_floors --mishap moved_15m --mishap clock_behind
+
+    Parameters
+    ----------
+    scenario
+        A packaged scenario's name, or a TOML file; may be given several times.
+    mishap
+        A packaged mishap's name, or a TOML file; may be given several times. All packaged ones if
+        not given.
+    runs
+        Of each scenario with each mishap.
+    seed
+        Of the first run; each next one's is one higher.
+    workers
+        Processes that share the work.
+    json
+        Print what came of it as one JSON object.
+
+    """
+    named = mishap or sorted(path.stem for path in MISHAPS.glob("*.toml"))
+    agents = Agents(None, raw=False)
+    try:
+        # All are looked at before the first is run.
+        tried = [
+            _exercises([one, *(f"{one}+{each}" for each in named)], FusionSettings(), agents)
+            for one in scenario
+        ]
+        told = {
+            Path(one).stem: _namings(exercises, ["nothing", *named], runs, seed, workers)
+            for one, exercises in zip(scenario, tried, strict=True)
+        }
+    except (ValueError, RehearsalError, OSError) as error:
+        _log.error(str(error))
+        return ExitCode.USAGE if isinstance(error, ValueError) else ExitCode.FAILURE
+    if json:
+        sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(told)) + b"\n")
+    else:
+        for name, namings in told.items():
+            Console().print(naming_table(name, namings))
+    return ExitCode.OK
+
+
+def _namings(
+    exercises: dict[str, Exercise], mishaps: list[str], runs: int, first_seed: int, workers: int
+) -> dict[str, Naming]:
+    """Run exercises, the first of which is the others with all in order."""
+    done = list(_run_all(exercises, runs, first_seed, workers, None).values())
+    return {
+        mishap: naming(
+            load_scenario(exercise.scenario_name),
+            [Trial(run.errors, beside.errors, run.told_s)
+             for run, beside in zip(wrong, done[0], strict=True)],
+        )
+        for mishap, exercise, wrong in zip(mishaps, exercises.values(), done, strict=True)
+    }  # fmt: skip
+
+
 def plan(scenario: str, *, output: Path) -> int:
     """Write the walls of a scenario's building as GeoJSON, in the incident's frame.
 
@@ -195,7 +265,7 @@ def _exercises(scenarios: list[str], fusion: FusionSettings, agents: Agents) -> 
     exercises: dict[str, Exercise] = {}
     for scenario in scenarios:
         load_scenario(scenario)
-        name = Path(scenario).stem
+        name = "+".join(Path(part).stem for part in scenario.split("+"))
         if name in exercises:
             raise ConfigError(f"{scenario}: another scenario is called {name!r}; give it a name")
         exercises[name] = Exercise(scenario, _settings(fusion), agents)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from rich.table import Table
 
+from command_post.evaluation.naming import Harm, Naming
 from command_post.evaluation.pooled import PooledMethod, RadiiIntervals, ScenarioScore, Vertical
 from command_post.evaluation.score_card import Radii, Score
 
@@ -64,6 +65,34 @@ def pooled_table(name: str, score: ScenarioScore) -> Table:
         for what, each in told.items():
             table.add_row(f"{node_id}: {what}", "", f"{each.runs} runs, after {each.first_s:.0f} s")
     return table
+
+
+def naming_table(name: str, told: Mapping[str, Naming]) -> Table:
+    """Return what was named of what went wrong in a scenario, by mishap, and whom it harmed."""
+    runs = max(each.runs for each in told.values())
+    table = _table(
+        f"{name}, runs: {runs}", "named", "after", "else told", "affected", "others", "DAPs off"
+    )
+    table.columns[0].min_width = max(map(len, told))
+    for mishap, each in told.items():
+        falsely = [f"{what} ({runs})" for what, runs in each.falsely.items()]
+        otherwise = [f"otherwise ({each.otherwise})"] if each.otherwise else []
+        table.add_row(
+            mishap,
+            f"{each.rightly} of {each.things}" if each.things else "",
+            "" if each.after_s is None else f"{each.after_s:.0f} s",
+            ", ".join(otherwise + falsely),
+            *map(_harm, (each.affected, each.others, each.daps)),
+        )
+    return table
+
+
+def _harm(harm: Harm) -> str:
+    return "" if harm.wrong is None else f"{_short(harm.in_order)} → {_short(harm.wrong)}"
+
+
+def _short(told: Radii | None) -> str:
+    return NOTHING if told is None else f"{told.ce50_m:.1f}/{told.ce95_m:.1f}"
 
 
 def _table(*headings: str) -> Table:

@@ -80,11 +80,13 @@ def rehearse_dap(
     """
     folder.mkdir(parents=True, exist_ok=True)
     clock = ManualClock()
-    ahead_ns = round(scenario.fault_of(dap_id).clock_ahead_s * NS_PER_S)
+    fault = scenario.fault_of(dap_id)
     with WireLogBus(folder / f"{dap_id}.wire", clock) as bus:
         node = DapNode(bus, REHEARSAL_INCIDENT, dap_id, sends_rssi=sends_rssi)
         for observation in SimulatedScanner(scenario, dap_id, seed).observations(
             REHEARSAL_START_NS
         ):
             clock.set_ns(observation.time_ns)
+            told_s = (observation.time_ns - REHEARSAL_START_NS) / NS_PER_S
+            ahead_ns = round(fault.clock_ahead_at_s(told_s) * NS_PER_S)
             node.take(observation._replace(time_ns=observation.time_ns + ahead_ns))

@@ -42,11 +42,12 @@ def rehearse_strides(scenario: Scenario, responder_id: NodeId, seed: int, folder
     """Write the wire log of ``responder_id`` in the exercise of ``seed`` to ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     clock = ManualClock(REHEARSAL_START_NS)
-    ahead_s = scenario.fault_of(responder_id).clock_ahead_s
+    fault = scenario.fault_of(responder_id)
     with WireLogBus(folder / f"{responder_id}.wire", clock) as bus:
         sender = Sender(bus, REHEARSAL_INCIDENT, "responder", responder_id)
         unit = CueDesk(sender)
         for saying in _sayings(scenario, responder_id, seed):
+            ahead_s = fault.clock_ahead_at_s(saying.time_s)
             clock.set_ns(_time_ns(saying.time_s))
             now_ns = _time_ns(saying.time_s + ahead_s)
             unit.pass_time(now_ns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -66,12 +67,23 @@ def places_of(scenario: Scenario, dap_id: NodeId, seed: int) -> list[Stood]:
     installed_s, place_m, _ = installation_truth(scenario, dap_id, seed)
     stood = [Stood(installed_s, dap_id, place_m)]
     fault = scenario.fault_of(dap_id)
-    if fault.moved_to_m is not None:
+    put_m = fault.moved_to_m
+    if fault.moved_by_m is not None:
+        put_m = place_m + np.array(fault.moved_by_m)
+    if put_m is not None:
         moved_s = max(fault.since_s, installed_s)
-        stood.append(Stood(moved_s, dap_id, np.array(fault.moved_to_m)))
+        stood.append(Stood(moved_s, dap_id, np.array(put_m)))
+        stood += _put_back(fault.until_s, moved_s, dap_id, place_m)
     swap = swap_of(scenario.faults, dap_id)
     if swap is not None and is_set_down(scenario, swap.other_id, seed):
         other_s, other_m, _ = installation_truth(scenario, swap.other_id, seed)
         swapped_s = max(swap.since_s, installed_s, other_s)
         stood.append(Stood(swapped_s, swap.other_id, other_m))
+        stood += _put_back(swap.until_s, swapped_s, dap_id, place_m)
     return sorted(stood, key=lambda each: each.since_s)
+
+
+def _put_back(
+    until_s: float, since_s: float, dap_id: NodeId, place_m: NDArray[np.float64]
+) -> list[Stood]:
+    return [Stood(max(until_s, since_s), dap_id, place_m)] if math.isfinite(until_s) else []

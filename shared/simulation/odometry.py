@@ -178,10 +178,11 @@ def _strides(
     facing_rad = np.array([fall.facing_rad for fall in walk.footfalls])
     off_rad = first_off_rad + drift.north_off_rad - drift.north_off_rad[counted[0]]
     # Of this turn it does not know.
-    changed_rad = math.radians(fault.turned_deg) * (walk.reached_s >= fault.since_s)
+    changed_rad = math.radians(fault.turned_deg) * fault.is_so(walk.reached_s)
     own_rad = facing_rad - off_rad
     off_rad = off_rad + changed_rad
     heading_rad = facing_rad - off_rad
+    scale = np.where(fault.is_so(walk.reached_s), fault.scale, 1.0)
     told_heading_rad = own_rad[counted[0]]
     for k in counted:
         moved_m = place_m[k + 1] - place_m[k]
@@ -190,7 +191,7 @@ def _strides(
         aside_m = settings.place_m + settings.place_per_m * length_m
         turn_rad = -0.5 * (off_rad[k] + off_rad[k + 1])
         cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
-        long = fault.scale * drift.scale
+        long = float(scale[k + 1]) * drift.scale
         down_m = long * moved_m[2] + settings.height_m * noise[2] + drift.climb_bias_m
         yield Stride(
             start_s=float(walk.left_s[k]),

@@ -23,6 +23,11 @@ Array: TypeAlias = NDArray[np.float64]
 SCAN_JITTER = 0.1
 """Scans come early or late by up to this share of their period."""
 
+JAM_S = 4.0
+JAM_SHARE = 0.15
+JAM_DBM = (-65.0, -40.0)
+"""Who jams a DAP lets it hear each responder for so long, for so much of the time, so loudly."""
+
 
 class RadioChannel:
     """The link between a DAP, from its installation on at ``dap_m`` (3,), and a responder.
@@ -105,7 +110,10 @@ def simulate_scans(scenario: Scenario, dap_id: NodeId, seed: int) -> Scans:
         rssi_dbm[responder_id] = np.full(len(time_s), np.nan)
         rssi_dbm[responder_id][np.searchsorted(time_s, heard_s)] = values_dbm
     named = named_wrongly(scenario, time_s, rssi_dbm)
-    return Scans(time_s, _replayed(scenario.fault_of(dap_id), time_s, named))
+    fault = scenario.fault_of(dap_id)
+    if fault.jammed:
+        return Scans(time_s, _jammed(fault, time_s, named, seed, dap_id))
+    return Scans(time_s, _replayed(fault, time_s, named))
 
 
 def named_wrongly(
@@ -117,7 +125,8 @@ def named_wrongly(
         swap = swap_of(scenario.faults, name)
         if swap is None or swap.other_id not in rssi_dbm:
             return own_dbm
-        return np.where(time_s >= swap.since_s, rssi_dbm[swap.other_id], own_dbm)
+        swapped = (time_s >= swap.since_s) & (time_s < swap.until_s)
+        return np.where(swapped, rssi_dbm[swap.other_id], own_dbm)
 
     return {name: readings(name, own_dbm) for name, own_dbm in rssi_dbm.items()}
 
@@ -127,8 +136,23 @@ def _replayed(fault: Fault, time_s: Array, rssi_dbm: dict[NodeId, Array]) -> dic
     if fault.replays_s is None or not time_s.size:
         return rssi_dbm
     before = np.searchsorted(time_s, time_s - fault.replays_s, side="right") - 1
-    is_replayed = (before >= 0) & (time_s >= fault.since_s)
+    is_replayed = (before >= 0) & fault.is_so(time_s)
     return {
         name: np.where(is_replayed, np.fmax(each_dbm, each_dbm[before]), each_dbm)
         for name, each_dbm in rssi_dbm.items()
     }
+
+
+def _jammed(
+    fault: Fault, time_s: Array, rssi_dbm: dict[NodeId, Array], seed: int, dap_id: NodeId
+) -> dict[NodeId, Array]:
+    """Return readings with what somebody sends in everybody's name instead of them."""
+    spell = (time_s / JAM_S).astype(np.intp)
+    jammed_dbm = {}
+    for name, own_dbm in rssi_dbm.items():
+        chance = generator(seed, "jam", dap_id, name)
+        count = int(spell.max(initial=0)) + 1
+        loud_dbm = np.round(chance.uniform(*JAM_DBM, count))
+        loud_dbm[chance.random(count) >= JAM_SHARE] = np.nan
+        jammed_dbm[name] = np.where(fault.is_so(time_s), loud_dbm[spell], own_dbm)
+    return jammed_dbm

@@ -29,6 +29,7 @@ from shared.simulation.propagation import RadioParameters
 from shared.simulation.turning import turned
 
 SCENARIOS = Path(__file__).parent / "scenarios"
+MISHAPS = Path(__file__).parent / "mishaps"
 
 SetsDown: TypeAlias = Literal["at_sites", "in_rooms", "spaced", "advised"]
 
@@ -197,14 +198,28 @@ def _refuse_ids(everybody: Collection[NodeId], daps: Collection[NodeId]) -> None
             raise ValueError(f"id {node_id!r}: a responder and a DAP have it; give each its own")
 
 
+class Mishap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What goes wrong in any exercise: with which of its nodes, by id."""
+
+    description: str
+    faults: dict[NodeId, Fault]
+
+
 def load_scenario(name_or_path: str) -> Scenario:
     """Return the packaged scenario of that name, or the one in the TOML file at that path.
 
-    Raises ``shared.config.ConfigError`` if there is none or it, or its plan, cannot be used. A
-    plan that is a path is taken from the scenario's folder.
+    ``offices+clock_behind`` is ``offices`` with that mishap, packaged or in a TOML file, and more
+    may follow. Raises ``shared.config.ConfigError`` if there is none or it, or its plan, cannot be
+    used. A plan that is a path is taken from the scenario's folder.
     """
-    path = packaged_or_path(name_or_path, SCENARIOS)
+    name, *mishaps = name_or_path.split("+") if not Path(name_or_path).exists() else [name_or_path]
+    path = packaged_or_path(name, SCENARIOS)
     scenario = load_toml(path, Scenario)
+    for mishap in mishaps:
+        told = load_toml(packaged_or_path(mishap, MISHAPS), Mishap)
+        for twice in sorted(scenario.faults.keys() & told.faults.keys()):
+            raise ConfigError(f"{mishap}: something is wrong with {twice} already; leave one out")
+        scenario = msgspec.structs.replace(scenario, faults=scenario.faults | told.faults)
     if scenario.plan.endswith(".toml"):
         scenario = msgspec.structs.replace(scenario, plan=str(path.parent / scenario.plan))
     scenario = _as_it_lies(_with_teams(scenario))

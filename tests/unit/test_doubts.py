@@ -98,7 +98,7 @@ def test_nothing_is_doubted_where_nothing_is_wrong(seed: int) -> None:
 @pytest.mark.parametrize(
     ("faults", "name", "sufferer", "commits"),
     [
-        (Faults(swapped=("r1", "r3")), ("swapped", "r1"), "r1", 5),
+        (Faults(since_s=120.0, swapped=("r4", "r1")), ("swapped", "r4"), "r1", 5),
         (Faults(renewed=("r3", math.radians(110.0))), ("renewed", "r3"), "r3", 6),
         (Faults(since_s=60.0, ahead_s=("r2", 2.0)), ("clock", "r2"), "r2", 16),
     ],
@@ -208,6 +208,21 @@ def test_what_is_hardly_likelier_is_told_once_it_has_stood() -> None:
     for held in (Held(suspicion, hardly, stood=True), Held(suspicion, surely)):
         (doubt,) = doubts_of((held,))
         assert (doubt.kind, doubt.node_id) == ("moved", "dap4")
+
+
+def test_what_one_responder_alone_contradicts_is_told_once_it_has_stood() -> None:
+    moved = Held(Suspicion("moved", "dap", "dap4", 0), PRICE["moved"] + 30.0, of_one=True)
+    assert doubts_of((moved,)) == ()
+    assert [each.node_id for each in doubts_of((moved._replace(stood=True),))] == ["dap4"]
+
+
+def test_radios_that_are_swapped_back_are_doubted_no_more() -> None:
+    once = Held(Suspicion("swapped", "responder", "r1", 0, "r3"), 90.0)
+    back = Held(Suspicion("swapped", "responder", "r3", at_ns(100.0), "r1"), 90.0)
+    other = Held(Suspicion("swapped", "responder", "r1", 0, "r2"), 90.0)
+    assert {each.node_id for each in doubts_of((once,))} == {"r1", "r3"}
+    assert doubts_of((once, back)) == ()
+    assert {each.node_id for each in doubts_of((once, other, back))} == {"r1", "r2"}
 
 
 def test_of_a_crowd_all_else_that_may_be_is_tried_by_turns_beside_what_is_held() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,3 +111,52 @@ def test_a_daps_clock_is_ahead(tmp_path: Path, exercise: Scenario) -> None:
         times_ns.append(np.array(told))
     later_ns = times_ns[1] - times_ns[0]
     assert (later_ns == [0, 2 * NS_PER_S]).all()
+
+
+def test_a_dap_carried_off_is_put_back(exercise: Scenario) -> None:
+    moved = Fault(since_s=SINCE_S, until_s=20.0, moved_by_m=(0.0, 3.0, 0.0))
+    stood, off, back = places_of(faulty(exercise, dap1=moved), "dap1", SEED)
+    assert (off.since_s, back.since_s) == (SINCE_S, 20.0)
+    assert off.place_m == pytest.approx(stood.place_m + np.array([0.0, 3.0, 0.0]))
+    assert np.array_equal(back.place_m, stood.place_m)
+
+
+def test_two_radios_are_swapped_back(exercise: Scenario) -> None:
+    fault = Fault(since_s=SINCE_S, until_s=20.0, swapped_with="r2")
+    right, wrong = (
+        simulate_scans(each, "dap1", SEED) for each in (exercise, faulty(exercise, r1=fault))
+    )
+    assert differ(right.rssi_dbm["r1"], wrong.rssi_dbm["r1"]).any()
+    back = right.time_s >= 20.0
+    assert not differ(right.rssi_dbm["r1"], wrong.rssi_dbm["r1"])[back].any()
+
+
+def test_who_jams_a_dap_is_heard_instead_of_who_passes(exercise: Scenario) -> None:
+    fault = Fault(since_s=SINCE_S, until_s=60.0, jammed=True)
+    right, wrong = (
+        simulate_scans(each, "dap1", SEED) for each in (exercise, faulty(exercise, dap1=fault))
+    )
+    is_so = fault.is_so(right.time_s)
+    for name, heard_dbm in wrong.rssi_dbm.items():
+        assert np.array_equal(heard_dbm[~is_so], right.rssi_dbm[name][~is_so], equal_nan=True)
+    jammed_dbm = np.concatenate([heard_dbm[is_so] for heard_dbm in wrong.rssi_dbm.values()])
+    assert 0.0 < np.isfinite(jammed_dbm).mean() < 0.5
+    assert np.nanmin(jammed_dbm) >= -65.0
+
+
+def test_a_clock_is_ahead_for_a_while() -> None:
+    fault = Fault(since_s=SINCE_S, until_s=20.0, clock_ahead_s=2.0)
+    ahead_s = [fault.clock_ahead_at_s(each) for each in (9.0, 10.0, 19.0, 20.0)]
+    assert ahead_s == [0.0, 2.0, 2.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"since_s": 20.0, "until_s": 20.0}, "after since_s"),
+        ({"moved_to_m": ELSEWHERE_M, "moved_by_m": ELSEWHERE_M}, "moved_to_m"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_told(fields: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        Fault(**fields)

@@ -11,7 +11,7 @@ import pytest
 
 from shared.config import ConfigError
 from shared.simulation.legs import Climb, Move, Stand
-from shared.simulation.scenario import SCENARIOS, load_scenario
+from shared.simulation.scenario import MISHAPS, SCENARIOS, load_scenario
 from shared.simulation.walker import simulate_walk
 from tests.simulated_walks import lone_walk
 
@@ -162,3 +162,22 @@ def test_who_waits_for_others_stands_until_then() -> None:
     arrived = int(np.argmax(walk.body.position_m[:, 0] > 9.9))
     assert walk.body.time_s[arrived] < 30.0
     assert walk.body.time_s[-1] == pytest.approx(68.0)
+
+
+def test_a_mishap_befalls_any_scenario(tmp_path: Path) -> None:
+    scenario = load_scenario("offices+clock_ahead+long_strides")
+    assert scenario.description == load_scenario("offices").description
+    assert scenario.faults.keys() == {"r2", "r3"}
+    with pytest.raises(ConfigError, match="long_strides: something is wrong with r2 already"):
+        load_scenario("wrong_units+long_strides")
+    mine = tmp_path / "mine.toml"
+    mine.write_text('description = "Lost"\n[faults.nobody]\nscale = 0.9\n', encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"faults\.nobody: nobody is called so"):
+        load_scenario(f"offices+{mine}")
+    with pytest.raises(ConfigError, match="no_mishap: not packaged; use clock_ahead"):
+        load_scenario("offices+no_mishap")
+
+
+@pytest.mark.parametrize("mishap", sorted(path.stem for path in MISHAPS.glob("*.toml")))
+def test_every_mishap_can_befall_a_team(mishap: str) -> None:
+    assert load_scenario(f"meeting+{mishap}").faults

@@ -12,6 +12,7 @@ from command_post.fusion.team.misfits import (
     best_ahead_s,
     best_since,
     best_split,
+    leans,
     worst_bend,
     worst_fix,
 )
@@ -37,6 +38,16 @@ class Node(NamedTuple):
         """What it is known by from one commit to the next."""
         return f"{self.role}/{self.node_id}"
 
+    @property
+    def of_daps(self) -> list[Pass]:
+        """Those of them that date by its own clock: where two met, either's may be meant."""
+        return [each for each in self.passes if each.place[0] == "dap"]
+
+    @property
+    def witnesses(self) -> set[int]:
+        """Whose passes of it stand out, by chain."""
+        return {each.chain for each in self.passes if each.cost > STANDS_OUT}
+
 
 def against(log: TeamLog, solved: Solved, node: Node, others: list[Node]) -> Iterator[Suspicion]:
     """Say what a node may be suspected of, as the team is solved of ``log``."""
@@ -55,7 +66,7 @@ def _against_dap(solved: Solved, node: Node, since_ns: int) -> Iterator[Suspicio
     if split is not None:
         yield Suspicion("moved", "dap", node.node_id, _between(node.passes, split[0]))
     # What one responder alone contradicts says more about them.
-    if len({each.chain for each in node.passes if each.cost > STANDS_OUT}) > 1:
+    if len(node.witnesses) > 1:
         for time_ns in sorted({first_ns, since_ns}):
             yield Suspicion("astray", "dap", node.node_id, time_ns)
     for ahead_s in _clocks_ahead_s(solved, node):
@@ -76,8 +87,7 @@ def _against_responder(
     bend = worst_bend(solved, chain)
     if len(stand_out) == 1 < len(passed) and bend.cost <= STANDS_OUT:
         return
-    for ahead_s in _clocks_ahead_s(solved, node):
-        yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
+    yield from against_clock(solved, node)
     for time_ns in sorted({bend.time_ns, since_ns}):
         if time_ns > begin_ns:
             yield Suspicion("renewed", "responder", node.node_id, time_ns)
@@ -85,6 +95,20 @@ def _against_responder(
         if other.role == "responder" and other.node_id != node.node_id:
             for time_ns in sorted({0, since_ns}):
                 yield Suspicion("swapped", "responder", node.node_id, time_ns, other.node_id)
+
+
+def against_clock(solved: Solved, node: Node) -> Iterator[Suspicion]:
+    """Say by how much a responder's clock may be ahead."""
+    begin_ns = int(solved.assembled.chains[node.passes[0].chain].time_ns[0])
+    for ahead_s in _clocks_ahead_s(solved, node):
+        yield Suspicion("clock", "responder", node.node_id, begin_ns, ahead_s=ahead_s)
+
+
+def leaning(nodes: list[Node], solved: Solved) -> Node | None:
+    """Return the responder all of whose passes of DAPs pull most to be sooner, or later, if any."""
+    pulls = {node.node_id: leans(solved, node.of_daps) for node in nodes}
+    most = max(nodes, key=lambda each: (pulls[each.node_id], each.node_id), default=None)
+    return most if most and pulls[most.node_id] > 0.0 else None
 
 
 def _doubtful_words(own: ResponderLog, solved: Solved, chain: int) -> set[int]:
@@ -106,7 +130,7 @@ def _clocks_ahead_s(solved: Solved, node: Node) -> list[float]:
 
     Or in between, where that is far off.
     """
-    ahead_s = best_ahead_s(solved, node.passes, of_responder=node.role == "responder")
+    ahead_s = best_ahead_s(solved, node.of_daps, of_responder=node.role == "responder")
     longer = (2.0,) if abs(ahead_s) <= FAR_AHEAD_S else (1.25, 1.5, 2.0)
     return sorted({
         ahead_s, *(max(min(each * ahead_s, MOST_AHEAD_S), -MOST_AHEAD_S) for each in longer)

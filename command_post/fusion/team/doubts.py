@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import islice
 from typing import NamedTuple
 
-from command_post.fusion.team.accusations import Node, against
+from command_post.fusion.team.accusations import Node, against, against_clock, leaning
 from command_post.fusion.team.arithmetic import logarithm
 from command_post.fusion.team.assembly import Noise, assemble
 from command_post.fusion.team.graph import FIRST_UNIT
@@ -66,6 +66,8 @@ And of so many scales, of nobody's who is alone: were most of them free, nothing
 large the map is, or how blunt radio is here. And of so many who were not where that was said: were
 most of them so, it is the DAP that they all passed.
 """
+
+RAISED, HELD, LEANS = "raised/", "held/", "leans/"
 
 LEAST_SCALE_OFF = 0.1
 """By no less are strides too long or short beside others': else all of a map would be smaller."""
@@ -180,7 +182,10 @@ def _strain(own: ResponderLog, solved: Solved, index: int) -> float:
 
 
 def _suspected(case: _Case, verdict: Verdict) -> Verdict:
-    """Return the verdict with the best of the suspicions against all nodes that stand out."""
+    """Return the verdict with the best of the suspicions against all nodes that stand out.
+
+    Where none is found, against the clock of the one responder whose way most likely bent to it.
+    """
     kept = tuple(each.suspicion for each in verdict.held)
     log = supposed(case.log, kept)
     every = _nodes(log, verdict.solved)
@@ -188,6 +193,7 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
     most_daps = max(1, sum(node.role == "dap" for node in every) // FEWEST_TO_ONE)
     examined = dict(verdict.examined)
     best: tuple[Solved, Held] | None = None
+    passes = 0
     for role, most in case.suspects.items():
         if role == "dap" and _doubted_daps(verdict) >= most_daps:
             continue
@@ -198,11 +204,22 @@ def _suspected(case: _Case, verdict: Verdict) -> Verdict:
             examined[node.name] = len(node.passes)
             found = _best(case, log, verdict.solved, node, of_role, kept)
             if found is not None and (best is None or _net(found[1]) > _net(best[1])):
-                best = found
+                best, passes = found, len(node.passes)
+    if best is None and not case.of_crowd:
+        quiet = [node for node in every if node.role == "responder" and node not in nodes]
+        fresh = [node for node in quiet if examined.get(LEANS + node.name) != len(node.passes)]
+        examined |= {LEANS + node.name: len(node.passes) for node in fresh}
+        pulled = leaning(fresh, verdict.solved)
+        if pulled is not None:
+            clocks = against_clock(verdict.solved, pulled)
+            best = _best_of(case, log, verdict.solved, pulled, clocks, kept)
+            passes = len(pulled.passes)
     if best is None or _net(best[1]) < 0.0:
         return verdict._replace(examined=examined)
-    # What else stands out may be due to the same, and is looked at again.
-    return Verdict(best[0], with_one_more(verdict.held, best[1]), verdict.examined)
+    # What else stands out, or is held, may be due to the same, and is looked at again.
+    rest = {name: count for name, count in verdict.examined.items() if not name.startswith(HELD)}
+    raised = {_mark(RAISED, best[1].suspicion): passes}
+    return Verdict(best[0], with_one_more(verdict.held, best[1]), rest | raised)
 
 
 def with_one_more(held: tuple[Held, ...], fresh: Held) -> tuple[Held, ...]:
@@ -220,7 +237,7 @@ def with_one_more(held: tuple[Held, ...], fresh: Held) -> tuple[Held, ...]:
     whole_gain = math.fsum([gain, *(each.gain for each in alike)])
     stood = stood or any(each.stood for each in alike)
     rest = tuple(each for each in held if each not in alike)
-    return (*rest, Held(whole, whole_gain, stood))
+    return (*rest, fresh._replace(suspicion=whole, gain=whole_gain, stood=stood))
 
 
 def _doubted_daps(verdict: Verdict) -> int:
@@ -240,7 +257,7 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
     node = next(
         (n for n in nodes if (n.role, n.node_id) == (suspicion.role, suspicion.node_id)), None
     )
-    mark = f"held/{suspicion.role}/{suspicion.node_id}"
+    mark = _mark(HELD, suspicion)
     if node is None or verdict.examined.get(mark) == len(node.passes):
         return verdict
     examined = {**verdict.examined, mark: len(node.passes)}
@@ -250,8 +267,15 @@ def _reviewed(case: _Case, verdict: Verdict, held: Held) -> Verdict:
         return Verdict(best[0], (*rest, best[1]), examined)
     if gain < KEPT_SHARE * PRICE[suspicion.kind]:
         return Verdict(without, rest, examined)
-    stood = held.stood or gain > PRICE[suspicion.kind]
-    return Verdict(verdict.solved, (*rest, Held(suspicion, gain, stood)), examined)
+    # Who alone contradicts a DAP, or others, must have done so once more.
+    is_new = len(node.passes) != verdict.examined.get(_mark(RAISED, suspicion))
+    stood = held.stood or (gain > PRICE[suspicion.kind] and (is_new or not held.of_one))
+    return Verdict(verdict.solved, (*rest, held._replace(gain=gain, stood=stood)), examined)
+
+
+def _mark(what: str, suspicion: Suspicion) -> str:
+    """Return by what name it is known by how many passes something was ``RAISED``, or ``HELD``."""
+    return f"{what}{suspicion.role}/{suspicion.node_id}"
 
 
 def _net(held: Held) -> float:
@@ -263,15 +287,23 @@ def _best(
     kept: tuple[Suspicion, ...], *, again: bool = False,
 ) -> tuple[Solved, Held] | None:  # fmt: skip
     """Return the best of the suspicions against a node, ``solved`` of ``log`` with those kept."""
-    best: tuple[Solved, Held] | None = None
     which = tried_of_crowd(case.number, again=again) if case.of_crowd else range(sys.maxsize)
+    suspicions = islice(against(log, solved, node, others), which.start, which.stop)
+    return _best_of(case, log, solved, node, suspicions, kept)
+
+
+def _best_of(
+    case: _Case, log: TeamLog, solved: Solved, node: Node, suspicions: Iterable[Suspicion],
+    kept: tuple[Suspicion, ...],
+) -> tuple[Solved, Held] | None:  # fmt: skip
+    """Return the best of suspicions against a node beside those that are kept, and its solution."""
+    best: tuple[Solved, Held] | None = None
     scales = sum(each.kind == "scale" for each in kept)
     placed_wrongly = {each.node_id for each in kept if each.kind == "misplaced"} - {node.node_id}
     chains = len(solved.assembled.chains)
     most_scales = max(1, chains // FEWEST_TO_ONE) if chains > 1 else 0
-    suspicions = against(log, solved, node, others)
     screen = _screen(case, log, solved, node)
-    for suspicion in islice(suspicions, which.start, which.stop):
+    for suspicion in suspicions:
         if suspicion.kind == "scale" and scales >= most_scales:
             continue
         if suspicion.kind == "misplaced" and len(placed_wrongly) >= max(1, most_scales):
@@ -282,7 +314,8 @@ def _best(
         tried = _solved_with(case, solved, kept, suspicion, turns_rad)
         if tried is None:
             continue
-        held = Held(suspicion, _gain(solved, tried, suspicion, node))
+        gain = _gain(solved, tried, suspicion, node)
+        held = Held(suspicion, gain, of_one=node.role == "dap" and len(node.witnesses) < 2)
         if best is None or _net(held) > _net(best[1]):
             best = tried, held
     return best

@@ -23,6 +23,7 @@ EXPECTED_COST = 3.0
 STANDS_OUT = 9.0
 """As much a residual of a move costs once in fifty at most."""
 
+LEANS_S = 0.5
 AHEAD_S = tuple(
     sign * each
     for sign in (-1.0, 1.0)
@@ -193,18 +194,34 @@ def best_ahead_s(solved: Solved, passes: Sequence[Pass], *, of_responder: bool) 
 
     def cost(ahead_s: float) -> float:
         """Return how badly the passes agree, were the clock ahead by so much."""
-        shifted = [
-            each._replace(north_m=north_m, east_m=east_m)
-            for each in passes
-            for north_m, east_m in [
-                place_at(solved, each.chain, each.time_ns + round(sign * ahead_s * NS_PER_S))
-            ]
-        ]
+        shifted = _later(solved, passes, sign * ahead_s)
         if not of_responder:
             return scatter(shifted)
         return math.fsum(_off_cost(solved, each) for each in shifted)
 
     return min(AHEAD_S, key=cost)
+
+
+def leans(solved: Solved, passes: Sequence[Pass]) -> float:
+    """Return by how much cheaper a responder's passes would be a little sooner, or later.
+
+    A way bends to a clock that is wrong until no pass stands out; but all of them pull one way.
+    """
+    now, *others = (
+        math.fsum(_off_cost(solved, each) for each in _later(solved, passes, by_s))
+        for by_s in (0.0, -LEANS_S, LEANS_S)
+    )
+    return now - min(others)
+
+
+def _later(solved: Solved, passes: Sequence[Pass], by_s: float) -> list[Pass]:
+    """Return passes as they would be by the ways as solved, ``by_s`` later."""
+    by_ns = round(by_s * NS_PER_S)
+    places = [place_at(solved, each.chain, each.time_ns + by_ns) for each in passes]
+    return [
+        each._replace(north_m=north_m, east_m=east_m)
+        for each, (north_m, east_m) in zip(passes, places, strict=True)
+    ]
 
 
 def _off_cost(solved: Solved, passed: Pass) -> float:

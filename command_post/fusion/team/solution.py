@@ -43,12 +43,14 @@ NO_WAYS: Ways = {}
 class Held(NamedTuple):
     """A suspicion that is held, and how much cheaper it makes the solution.
 
-    It ``stood`` when it was weighed again by what came since.
+    It ``stood`` when it was weighed again by what came since. ``of_one``: one responder alone
+    contradicts a DAP, and may be who is wrong.
     """
 
     suspicion: Suspicion
     gain: float
     stood: bool = False
+    of_one: bool = False
 
 
 class Stood(NamedTuple):
