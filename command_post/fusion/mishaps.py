@@ -37,6 +37,12 @@ class GotOver:
         """Note an exception, if it is to be got over."""
         if not isinstance(error, Exception) or isinstance(error, MemoryError):
             return False
+        cause = error.__cause__
+        while cause is not None:
+            # Amid machine code an interrupt comes out as what one function after another fails of.
+            if isinstance(cause, KeyboardInterrupt):
+                raise cause
+            cause = cause.__cause__
         self._note(error)
         return True
 
@@ -78,16 +84,7 @@ class Mishaps:
     def note(
         self, error: Exception, what: str, role: Role | None = None, node_id: str = ""
     ) -> None:
-        """Note an exception that was caught while doing ``what``.
-
-        An interrupt is raised again: amid machine code it comes out as what that fails of, of one
-        function after another.
-        """
-        cause = error.__cause__
-        while cause is not None:
-            if isinstance(cause, KeyboardInterrupt):
-                raise cause
-            cause = cause.__cause__
+        """Note an exception that was caught while doing ``what``."""
         if len(self._found) < MOST_KEPT:
             last = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{PurePath(last.filename).name}:{last.lineno}"

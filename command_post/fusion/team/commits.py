@@ -349,12 +349,8 @@ class Commits:
         def make(until_ns: int) -> _Made | None:
             return self._made_as_of(number, crew, until_ns, told, before)
 
-        try:
+        with self.mishaps.survived(f"solving {len(crew.members)} responders"):
             return make(time_ns)
-        except MemoryError:
-            raise
-        except Exception as error:
-            self.mishaps.note(error, f"solving {len(crew.members)} responders")
         sought_ns = self._sought_ns.get(crew.leader)
         if sought_ns is not None and abs(time_ns - sought_ns) < SOUGHT_EVERY_S * NS_PER_S:
             return None
