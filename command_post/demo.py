@@ -97,11 +97,13 @@ def _prepare(
     agents, post = PREPARATIONS
     children.start(agents, "edge_agent", ("prepare", "--with-parent", *method))
     children.start(post, "command_post", ("prepare", "--with-parent"))
-    if stop.wait(PREPARED_SOON_S):
-        return False
-    if children.running():
-        say("building machine code, once after an installation")
+    clock = SystemClock()
+    soon_ns = clock.now_ns() + round(PREPARED_SOON_S * NS_PER_S)
+    told = False
     while children.running():
+        if not told and clock.real_seconds_until(soon_ns) < 0.0:
+            told = True
+            say("building machine code, once after an installation")
         if stop.wait(POLL_S):
             return False
     _check(children, PREPARATIONS)

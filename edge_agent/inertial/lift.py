@@ -112,12 +112,10 @@ class LiftWatch:
         self._sum_up(reading.time_ns, since_s)
         if len(heights) < settings.fewest:
             return
-        speed_m_s, uneven_m = self._slope()
         if self.riding:
-            self._look_for_end(reading.time_ns, speed_m_s)
+            self._look_for_end(reading.time_ns, self._slope()[0])
         else:
-            steady = uneven_m < settings.uneven_m
-            self._look_for_begin(reading.time_ns, speed_m_s if steady else 0.0)
+            self._look_for_begin(reading.time_ns)
 
     def _forget(self, last_ns: int) -> None:
         """Go on after a gap: a ride, if one was on, is not known to go on."""
@@ -163,17 +161,22 @@ class LiftWatch:
         ]
         return slope_m_s, math.sqrt(sum(map(mul, off_m, off_m)) / count)
 
-    def _look_for_begin(self, now_ns: int, speed_m_s: float) -> None:
+    def _look_for_begin(self, now_ns: int) -> None:
         settings, push_m_s = self._settings, self._push_m_s
         stood = bool(self._felt) and now_ns - self._felt[0].time_ns >= settings.stood_s * NS_PER_S
         pushed = stood and abs(push_m_s) >= settings.push_m_s
         self._doubt(now_ns, doubtful=pushed)
+        # Most readings come without a push, and a push that lasted too long has been forgotten.
+        if not (pushed and self._felt):
+            return
+        speed_m_s, uneven_m = self._slope()
         agree = (
-            push_m_s * speed_m_s > 0.0
+            uneven_m < settings.uneven_m
+            and push_m_s * speed_m_s > 0.0
             and abs(speed_m_s) <= settings.agreement * abs(push_m_s)
             and abs(push_m_s) <= settings.agreement * abs(speed_m_s)
         )
-        if pushed and agree and abs(speed_m_s) >= settings.begin_m_s:
+        if agree and abs(speed_m_s) >= settings.begin_m_s:
             self._ride_sign = math.copysign(1.0, speed_m_s)
             self._ride_from_ns = self._felt[0].time_ns
             self._slow_since_ns, self._push_back_m_s = None, 0.0

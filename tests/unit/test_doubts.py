@@ -239,14 +239,14 @@ def test_who_is_doubted_says_so_in_the_estimate() -> None:
 
 
 def test_doubts_leave_no_trace_of_the_order_of_arrival() -> None:
-    heard = patrol(1, Faults(swapped=("r1", "r3"))).heard[:900]
+    heard = patrol(1, Faults(swapped=("r1", "r3"))).heard[:700]
     in_order, late = TeamTracker(TeamSettings()), TeamTracker(TeamSettings())
     held_back = [each for each in heard if isinstance(each[1], RssiPeak)]
     others = [each for each in heard if not isinstance(each[1], RssiPeak)]
     middle = len(held_back) // 2
     for tracker, told in (
         (in_order, heard),
-        (late, [*others[:600], *held_back[:middle], *others[600:], *held_back[middle:]]),
+        (late, [*others[:450], *held_back[:middle], *others[450:], *held_back[middle:]]),
     ):
         for node_id, message in told:
             give(tracker, node_id, message)
