@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from command_post.evaluation.errors import RunErrors
 from command_post.evaluation.score_card import Radii, radii
+from command_post.nodes.notices import DOUBT, WRONG_CLOCK
 from shared.messages import NodeId
 from shared.simulation.scenario import Scenario
 
@@ -26,10 +27,6 @@ NAMED_AS: Mapping[str, str] = {
     "swapped_with": "swapped",
 }
 """As what each fault is rightly told. A unit that begins anew says so itself."""
-
-DOUBT = "doubt_"
-WRONG_CLOCK = "wrong_clock"
-"""Of what notices are that tell what the fusion doubts, and of whose messages come too soon."""
 
 
 class WrongThing(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from command_post.desks.alert_desk import Known
 from command_post.fusion.interface import Doubt
-from command_post.nodes.notices import Notices
+from command_post.nodes.notices import DOUBT, Notices
 from shared.topics import Role
 
 
@@ -26,5 +26,5 @@ class DoubtWatch:
             if kind not in self._told:
                 self._told.add(kind)
                 detail = f"{doubt.role}: {doubt.words} ({doubt.certainty:.0%} certain)"
-                self._notices.tell(f"doubt_{doubt.kind}", doubt.node_id, detail)
+                self._notices.tell(f"{DOUBT}{doubt.kind}", doubt.node_id, detail)
         return [Known(one.kind, one.role, one.node_id, one.words) for one in doubts]

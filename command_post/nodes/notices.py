@@ -12,6 +12,12 @@ MOST_DETAIL = 200
 UNNAMED = "?"
 """A node that a key too malformed does not name."""
 
+DOUBT = "doubt_"
+"""Before the kind of what the fusion doubts: a notice's reason."""
+
+WRONG_CLOCK = "wrong_clock"
+"""The reason of a notice that a node's clock is off the post's."""
+
 
 class Notice(NamedTuple):
     """What is to be told once of a node: a kind of refusal, or what is wrong with it.

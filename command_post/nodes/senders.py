@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeAlias
 
 from command_post.fusion.time_line import within_time
 from command_post.nodes.node_clock import KnownClock, NodeClock
+from command_post.nodes.notices import WRONG_CLOCK
 from shared.messages import Beat, Message
 from shared.seal import Seal
 from shared.topics import TOPICS, Key, Role
@@ -174,10 +175,10 @@ def _clock_findings(node: Node, clock: NodeClock) -> list[Finding]:
     offset_ns, uncertainty_ns = clock.now
     if uncertainty_ns is None:
         if offset_ns:
-            found.append(Finding("wrong_clock", node, _off(offset_ns)))
+            found.append(Finding(WRONG_CLOCK, node, _off(offset_ns)))
     elif abs(offset_ns) > TOLD_NS:
         known = f"{_off(offset_ns)}, known to {_in_words(uncertainty_ns)}"
-        found.append(Finding("wrong_clock", node, known))
+        found.append(Finding(WRONG_CLOCK, node, known))
     elif uncertainty_ns > TOLD_NS:
         found.append(
             Finding("unsure_clock", node, f"clock known to {_in_words(uncertainty_ns)} only")

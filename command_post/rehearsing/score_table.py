@@ -75,7 +75,7 @@ def naming_table(name: str, told: Mapping[str, Naming]) -> Table:
     )
     table.columns[0].min_width = max(map(len, told))
     for mishap, each in told.items():
-        falsely = [f"{what} ({runs})" for what, runs in each.falsely.items()]
+        falsely = [f"{what} ({times})" for what, times in each.falsely.items()]
         otherwise = [f"otherwise ({each.otherwise})"] if each.otherwise else []
         table.add_row(
             mishap,

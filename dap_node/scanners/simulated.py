@@ -51,7 +51,7 @@ class SimulatedScanner:
             return
         installed_s, place_m, installer_id = self._installed
         swap = None if installer_id is None else swap_of(self._faults, installer_id)
-        if swap is not None and swap.since_s <= installed_s < swap.until_s:
+        if swap is not None and swap.fault.is_so(installed_s):
             # Who set it down is who is heard.
             installer_id = swap.other_id
         truth_m = _vector(place_m)

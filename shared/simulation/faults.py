@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple, TypeAlias, overload
 
 import msgspec
 import numpy as np
@@ -52,13 +52,19 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.moved_to_m is not None and self.moved_by_m is not None:
             raise ValueError("moved_by_m: give it or moved_to_m")
 
-    def is_so(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Say at which times (n,) it is wrong."""
+    @overload
+    def is_so(self, time_s: float) -> bool: ...
+
+    @overload
+    def is_so(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]: ...
+
+    def is_so(self, time_s: float | NDArray[np.float64]) -> bool | NDArray[np.bool_]:
+        """Say at which times, one or (n,), it is wrong."""
         return (time_s >= self.since_s) & (time_s < self.until_s)
 
     def clock_ahead_at_s(self, time_s: float) -> float:
         """Return by how much the node's clock is ahead (s)."""
-        return self.clock_ahead_s if self.since_s <= time_s < self.until_s else 0.0
+        return self.clock_ahead_s if self.is_so(time_s) else 0.0
 
     def told(self) -> set[str]:
         """Return which fields say something."""
@@ -71,11 +77,10 @@ NONE = Fault()
 
 
 class Swap(NamedTuple):
-    """By whose name a node's radio goes, and since and until when (s)."""
+    """By whose name a node's radio goes, while the fault is so."""
 
     other_id: NodeId
-    since_s: float
-    until_s: float
+    fault: Fault
 
 
 def swap_of(faults: Mapping[NodeId, Fault], node_id: NodeId) -> Swap | None:
@@ -83,7 +88,7 @@ def swap_of(faults: Mapping[NodeId, Fault], node_id: NodeId) -> Swap | None:
     for one_id, fault in faults.items():
         if fault.swapped_with is not None and node_id in (one_id, fault.swapped_with):
             other_id = fault.swapped_with if node_id == one_id else one_id
-            return Swap(other_id, fault.since_s, fault.until_s)
+            return Swap(other_id, fault)
     return None
 
 

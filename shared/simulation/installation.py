@@ -77,9 +77,9 @@ def places_of(scenario: Scenario, dap_id: NodeId, seed: int) -> list[Stood]:
     swap = swap_of(scenario.faults, dap_id)
     if swap is not None and is_set_down(scenario, swap.other_id, seed):
         other_s, other_m, _ = installation_truth(scenario, swap.other_id, seed)
-        swapped_s = max(swap.since_s, installed_s, other_s)
+        swapped_s = max(swap.fault.since_s, installed_s, other_s)
         stood.append(Stood(swapped_s, swap.other_id, other_m))
-        stood += _put_back(swap.until_s, swapped_s, dap_id, place_m)
+        stood += _put_back(swap.fault.until_s, swapped_s, dap_id, place_m)
     return sorted(stood, key=lambda each: each.since_s)
 
 

@@ -125,8 +125,7 @@ def named_wrongly(
         swap = swap_of(scenario.faults, name)
         if swap is None or swap.other_id not in rssi_dbm:
             return own_dbm
-        swapped = (time_s >= swap.since_s) & (time_s < swap.until_s)
-        return np.where(swapped, rssi_dbm[swap.other_id], own_dbm)
+        return np.where(swap.fault.is_so(time_s), rssi_dbm[swap.other_id], own_dbm)
 
     return {name: readings(name, own_dbm) for name, own_dbm in rssi_dbm.items()}
 
@@ -148,10 +147,10 @@ def _jammed(
 ) -> dict[NodeId, Array]:
     """Return readings with what somebody sends in everybody's name instead of them."""
     spell = (time_s / JAM_S).astype(np.intp)
+    count = int(spell.max(initial=0)) + 1
     jammed_dbm = {}
     for name, own_dbm in rssi_dbm.items():
         chance = generator(seed, "jam", dap_id, name)
-        count = int(spell.max(initial=0)) + 1
         loud_dbm = np.round(chance.uniform(*JAM_DBM, count))
         loud_dbm[chance.random(count) >= JAM_SHARE] = np.nan
         jammed_dbm[name] = np.where(fault.is_so(time_s), loud_dbm[spell], own_dbm)
